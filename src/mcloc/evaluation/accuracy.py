@@ -1,0 +1,88 @@
+"""The accuracy of a run: what `summary.json` says about the estimate against a reference."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcloc.evaluation.consistency import nees_median
+from mcloc.evaluation.convergence import Recovery, recoveries
+from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.kidnapping import find_kidnappings
+from mcloc.trajectory import Trajectory
+
+LOST_LIMITS = ("0.5", "1", "2")  # m
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Errors in the map frame without alignment, over the references that the estimate covers.
+
+    lost_fraction: the share of time with a position error above 0.5, 1 and 2 m. converged,
+    time_to_converge_s and distance_to_converge_m speak of the stretch after the last kidnapping, or
+    of the whole run. recoveries: one for each kidnapping. None where unknown.
+    """
+
+    position_median_m: float
+    position_rmse_m: float
+    position_p95_m: float
+    position_max_m: float
+    heading_median_deg: float
+    heading_rmse_deg: float
+    heading_p95_deg: float
+    lost_fraction: dict[str, float]
+    converged: bool
+    time_to_converge_s: float | None
+    distance_to_converge_m: float | None
+    nees_median: float | None
+    recoveries: tuple[Recovery, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `accuracy` of summary.json, which leaves out the heading's RMSE and p95."""
+        values = asdict(self)
+        del values["heading_rmse_deg"], values["heading_p95_deg"]
+        values["recoveries"] = list(values["recoveries"])
+        return values
+
+
+def evaluate(
+    estimate: Trajectory,
+    reference: Trajectory,
+    *,
+    odometry: Trajectory | None = None,
+    kidnappings: Sequence[float] = (),
+) -> Accuracy:
+    """Compare an estimate with the truth, both in the map frame.
+
+    odometry: the wheels' poses in their own frame; with it kidnappings are detected. kidnappings:
+    stamps of those that were injected, seconds. Definitions: `errors`, `kidnapping`,
+    `convergence`, `consistency`.
+
+    Raises TruthError if no reference stamp lies within the estimate.
+    """
+    errors = pose_errors(estimate, reference)
+    position, heading = errors.position, np.degrees(errors.heading)
+    moved = find_kidnappings(errors.t, errors.reference, odometry, kidnappings)
+    stretches = recoveries(errors, moved)
+    last = stretches[-1]
+    return Accuracy(
+        position_median_m=float(np.median(position)),
+        position_rmse_m=_rms(position),
+        position_p95_m=float(np.percentile(position, 95.0)),
+        position_max_m=float(np.max(position)),
+        heading_median_deg=float(np.median(heading)),
+        heading_rmse_deg=_rms(heading),
+        heading_p95_deg=float(np.percentile(heading, 95.0)),
+        lost_fraction={limit: errors.lost_fraction(float(limit)) for limit in LOST_LIMITS},
+        converged=last.recovered,
+        time_to_converge_s=last.after_s,
+        distance_to_converge_m=last.after_m,
+        nees_median=nees_median(errors),
+        recoveries=tuple(stretches[1:]),
+    )
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

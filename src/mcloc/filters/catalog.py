@@ -1,0 +1,65 @@
+"""Filters by name: each a composition of the same parts."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from mcloc.errors import ConfigError
+from mcloc.filters.particle_filter import Part, ParticleFilter
+from mcloc.filters.recovery import RECOVERIES, Recovery
+from mcloc.maps.free_space import FreeSpace
+from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.motion import MOTIONS
+from mcloc.proposals.forward import Forward
+from mcloc.protocols import Density, MotionModel, SampleSize, SensorModel
+from mcloc.registry import Registry, Value, suggest
+from mcloc.resampling import RESAMPLERS, Resampler
+from mcloc.sample_size import SIZES
+from mcloc.sensors import SENSORS
+
+
+def mcl(
+    motion: MotionModel,
+    sensor: SensorModel,
+    uniform: Density,
+    size: SampleSize,
+    resampler: Resampler,
+    recovery: Recovery,
+) -> ParticleFilter:
+    """Monte Carlo localization [Fox01 §19.2.3; Fox99]."""
+    return ParticleFilter(motion, sensor, uniform, (Part(1.0, Forward(resampler), size),), recovery)
+
+
+FILTERS: dict[str, Callable[..., ParticleFilter]] = {"mcl": mcl}
+
+
+@dataclass(frozen=True)
+class Composition:
+    """A filter described by names. settings: {kind: {parameter: value}}, kinds as in REGISTRIES."""
+
+    filter: str = "mcl"
+    motion: str = "odometry"
+    sensor: str = "likelihood-field"
+    size: str = "kld"
+    resampler: str = "systematic"
+    recovery: str = "none"
+    settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+
+    def build(self, grid: OccupancyGrid) -> ParticleFilter:
+        """The filter on a map. Raises ConfigError for unknown names and values that cannot be right."""
+        if self.filter not in FILTERS:
+            raise ConfigError(f"unknown filter {self.filter!r}; {suggest(self.filter, FILTERS)}")
+        for kind in self.settings:
+            if kind not in REGISTRIES:
+                raise ConfigError(f"unknown part {kind!r}; {suggest(kind, REGISTRIES)}")
+        return FILTERS[self.filter](
+            self._part("motion"), self._part("sensor", grid), FreeSpace(grid),
+            self._part("size"), self._part("resampler"), self._part("recovery"),
+        )
+
+    def _part(self, kind: str, *bound: object) -> object:
+        return REGISTRIES[kind].make(getattr(self, kind), *bound, **self.settings.get(kind, {}))
+
+
+REGISTRIES: dict[str, Registry] = {
+    "motion": MOTIONS, "sensor": SENSORS, "size": SIZES, "resampler": RESAMPLERS, "recovery": RECOVERIES,
+}

@@ -1,0 +1,1 @@
+"""Recorded logs and trajectories: each reader yields the same events."""

@@ -1,0 +1,49 @@
+"""U(x): poses spread evenly over the free cells of a map and all headings."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcloc.draws import Draws, Stream
+from mcloc.errors import MapError
+from mcloc.geometry import compose
+from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.statespace import LogWeights, States
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """The uniform density over free cells × (−π, π], per m² rad. Raises MapError for a map without any."""
+
+    grid: OccupancyGrid
+
+    @cached_property
+    def _cells(self) -> NDArray[np.intp]:
+        cells = np.flatnonzero(self.grid.free)
+        if len(cells) == 0:
+            raise MapError(
+                f"{self.grid.name}: no free cell to stand on; check free_thresh and negate in its YAML"
+            )
+        return cells
+
+    def sample(self, draws: Draws, first: int, n: int) -> States:
+        """(3, n): poses of the particles first … first + n − 1, map frame."""
+        u = draws.uniform(Stream.RANDOM_POSE, first, n)
+        chosen = self._cells[np.minimum((u[0] * len(self._cells)).astype(np.intp), len(self._cells) - 1)]
+        row, column = np.divmod(chosen, self.grid.cells.shape[1])
+        cell = self.grid.resolution
+        heading = np.pi - 2.0 * np.pi * u[3]
+        local = np.stack([(column + u[1]) * cell, (row + u[2]) * cell, heading], axis=-1)
+        return np.ascontiguousarray(compose(self.grid.origin, local).T)
+
+    def log_density(self, x: States) -> LogWeights:
+        """(n,): −log(area · 2π) on free cells, −inf elsewhere."""
+        row, column = self.grid.cell_of(x.T)
+        height, width = self.grid.cells.shape
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        free = np.zeros(x.shape[1], dtype=np.bool_)
+        free[inside] = self.grid.free[row[inside], column[inside]]
+        area = len(self._cells) * self.grid.resolution**2
+        return np.where(free, -np.log(area * 2.0 * np.pi), -np.inf)

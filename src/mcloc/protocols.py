@@ -1,0 +1,70 @@
+"""The roles that parts play. Every filter is made of these."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcloc.draws import Draws
+from mcloc.statespace import LogWeights, States, StateSpace
+
+Indices = NDArray[np.intp]
+
+
+class MotionModel(Protocol):
+    """p(x_t | u_t, x_{t−1}). What u is, each model says."""
+
+    def sample(self, x: States, u: Any, draws: Draws, first: int) -> States:
+        """(D, n): a successor for each column of x, which are the particles first … first + n − 1."""
+
+    def log_density(self, x_new: States, u: Any, x: States) -> LogWeights:
+        """(n,): log p(x_new | u, x), column by column."""
+
+    def sample_previous(self, x_new: States, u: Any, draws: Draws, first: int) -> States:
+        """(D, n): x_{t−1} drawn from p(x_new | u, x_{t−1}) / π(x_new | u)  [Fox01 Eq. 19.3.15]."""
+
+    def log_pi(self, x_new: States, u: Any) -> LogWeights:
+        """(n,): log π(x_new | u) = log ∫ p(x_new | u, x_{t−1}) dx_{t−1}."""
+
+
+class SensorModel(Protocol):
+    """p(z_t | x_t) up to a factor that does not depend on x."""
+
+    def log_likelihood(self, x: States, z: Any) -> LogWeights:
+        """(n,): log p(z | x) for each column of x."""
+
+    def readings(self, z: Any) -> float:
+        """How many independent readings the likelihood takes z for."""
+
+
+class Density(Protocol):
+    """A probability density over states."""
+
+    def sample(self, draws: Draws, first: int, n: int) -> States:
+        """(D, n): the particles first … first + n − 1."""
+
+    def log_density(self, x: States) -> LogWeights:
+        """(n,): log density at each column of x."""
+
+
+class Counter(Protocol):
+    """Watches particles being drawn and says when there are enough."""
+
+    def enough(self, states: States, log_weights: LogWeights) -> int | None:
+        """Of the particles just drawn, how many belong to the set; None while more are needed."""
+
+
+class SampleSize(Protocol):
+    """How many particles a part draws."""
+
+    @property
+    def fixed(self) -> int | None:
+        """The number where it is known before drawing, else None."""
+
+    def counter(self, space: StateSpace) -> Counter:
+        """A new count for one sample set."""
+
+
+Source = Callable[[int, int], tuple[States, LogWeights]]
+"""(first, n) -> states (D, n) and log weights (n,) of the particles first … first + n − 1."""

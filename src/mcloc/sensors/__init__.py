@@ -1,0 +1,7 @@
+"""Sensor models p(z_t | x_t)."""
+
+from mcloc.protocols import SensorModel
+from mcloc.registry import Registry
+from mcloc.sensors.likelihood_field import LikelihoodField
+
+SENSORS: Registry[SensorModel] = Registry("sensor", {"likelihood-field": LikelihoodField})

@@ -1,0 +1,103 @@
+"""Converged: error < 0.5 m and < 10° from some moment on for at least 3 m and 5 references."""
+
+import numpy as np
+import pytest
+
+from mcloc.evaluation import Accuracy, Recovery, evaluate
+from mcloc.trajectory import Trajectory
+
+GOOD, FAR, TURNED = (0.4, np.radians(9.0)), (0.6, 0.0), (0.0, np.radians(11.0))
+
+
+def accuracy(
+    errors: list[tuple[float, float]],
+    step: float = 0.75,
+    kidnappings: tuple[float, ...] = (),
+    jumps: dict[int, float] | None = None,
+) -> Accuracy:
+    """A drive along x, `step` metres every 2 s, with these errors (sideways m, heading rad)."""
+    n = len(errors)
+    t = 10.0 + 2.0 * np.arange(n)
+    x = step * np.arange(n)
+    for index, distance in (jumps or {}).items():
+        x[index:] += distance
+    reference = np.column_stack([x, np.zeros((n, 2))])
+    estimate = reference + np.array([(0.0, *e) for e in errors])
+    wheels = np.column_stack([step * np.arange(n), np.zeros((n, 2))])
+    return evaluate(
+        Trajectory(t, estimate),
+        Trajectory(t, reference),
+        odometry=Trajectory(t, wheels) if jumps else None,
+        kidnappings=kidnappings,
+    )
+
+
+def converged(a: Accuracy) -> tuple[bool, float | None, float | None]:
+    return a.converged, a.time_to_converge_s, a.distance_to_converge_m
+
+
+def test_time_and_distance_count_from_the_start_to_the_first_good_reference() -> None:
+    assert converged(accuracy([FAR, TURNED, FAR] + [GOOD] * 5)) == (True, 6.0, 2.25)
+
+
+def test_good_from_the_start_takes_no_time() -> None:
+    assert converged(accuracy([GOOD] * 5)) == (True, 0.0, 0.0)
+
+
+def test_four_references_are_too_few_however_far_they_lie_apart() -> None:
+    assert converged(accuracy([FAR] + [GOOD] * 4, step=2.0)) == (False, None, None)
+    assert converged(accuracy([FAR] + [GOOD] * 5, step=2.0)) == (True, 2.0, 2.0)
+
+
+def test_less_than_three_metres_are_too_short_however_many_references_there_are() -> None:
+    assert converged(accuracy([FAR] + [GOOD] * 30, step=0.1)) == (False, None, None)
+    assert converged(accuracy([FAR] + [GOOD] * 31, step=0.1)) == (True, 2.0, pytest.approx(0.1))
+
+
+def test_three_metres_are_enough_though_their_sum_is_rounded_down() -> None:
+    assert converged(accuracy([FAR] * 2 + [GOOD] * 11, step=0.3)) == (True, 4.0, 0.6)
+
+
+@pytest.mark.parametrize("bad", [FAR, TURNED, (0.5, 0.0)])
+def test_an_error_at_the_end_undoes_it(bad: tuple[float, float]) -> None:
+    assert converged(accuracy([GOOD] * 20 + [bad])) == (False, None, None)
+
+
+def test_it_counts_from_the_last_moment_that_was_bad() -> None:
+    assert converged(accuracy([GOOD] * 6 + [FAR] + [GOOD] * 5)) == (True, 14.0, 5.25)
+
+
+def test_each_kidnapping_has_its_own_recovery_and_the_last_one_speaks_for_the_run() -> None:
+    # Kidnapped at 14 s and at 29 s, that is before the references 2 (14 s) and 10 (30 s).
+    errors = [GOOD] * 2 + [FAR] * 2 + [GOOD] * 6 + [TURNED] + [GOOD] * 3
+    a = accuracy(errors, kidnappings=(29.0, 14.0))
+    assert a.recoveries == (
+        Recovery(14.0, recovered=True, after_s=4.0, after_m=1.5),
+        Recovery(29.0, recovered=False),
+    )
+    assert converged(a) == (False, None, None)
+
+
+def test_time_counts_from_a_kidnapping_between_references_and_distance_from_the_next_one() -> None:
+    a = accuracy([GOOD] * 5 + [FAR] + [GOOD] * 5, kidnappings=(19.5,))
+    assert a.recoveries == (Recovery(19.5, recovered=True, after_s=2.5, after_m=0.75),)
+    assert converged(a) == (True, 2.5, 0.75)
+
+
+def test_a_recovery_never_takes_less_than_no_time() -> None:
+    # A reference within a millisecond of a stamp is at that stamp.
+    a = accuracy([GOOD] * 10, kidnappings=(14.0005,))
+    assert a.recoveries == (Recovery(14.0005, recovered=True, after_s=0.0, after_m=0.0),)
+
+
+def test_the_way_of_the_kidnapping_itself_is_no_path() -> None:
+    # Good before and after, each stretch shorter than 3 m: the jump of 8 m must not fill it up.
+    a = accuracy([GOOD] * 4 + [GOOD] * 6, step=0.5, jumps={4: 8.0})
+    assert a.recoveries == (Recovery(18.0, recovered=False),)
+    long_enough = accuracy([GOOD] * 4 + [GOOD] * 7, step=0.5, jumps={4: 8.0})
+    assert long_enough.recoveries == (Recovery(18.0, recovered=True, after_s=0.0, after_m=0.0),)
+
+
+def test_two_kidnappings_between_the_same_references_leave_the_first_no_stretch() -> None:
+    a = accuracy([GOOD] * 10, kidnappings=(13.0, 13.5))
+    assert [r.recovered for r in a.recoveries] == [False, True]
