@@ -40,7 +40,8 @@ clean:
 
 .venv:
 	@if [ -z "$(PYTHON)" ]; then \
-		echo "mcloc needs Python 3.11 or later: install it, or name it: make PYTHON=/path/to/python3" >&2; \
+		echo "mcloc needs Python 3.11 or later: install it," \
+			"or name it: make PYTHON=/path/to/python3" >&2; \
 		exit 2; \
 	fi
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

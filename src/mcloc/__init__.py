@@ -1,3 +1,91 @@
-"""Monte Carlo localization of mobile robots in Python."""
+"""Monte Carlo localization of mobile robots in Python.
+
+The public names; each is imported when it is first used, so that `import mcloc` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mcloc.config import RunConfig
+    from mcloc.errors import (
+        ConfigError,
+        FilterError,
+        LogError,
+        MapError,
+        McLocError,
+        TruthError,
+    )
+    from mcloc.estimate import Hypothesis
+    from mcloc.evaluation import Accuracy, evaluate
+    from mcloc.events import Odometry, Scan
+    from mcloc.filters.catalog import Composition
+    from mcloc.io.log import read_log
+    from mcloc.io.tum import read_trajectory, write_tum
+    from mcloc.localizer import Estimate, Localizer, UpdatePolicy
+    from mcloc.maps.occupancy import OccupancyGrid
+    from mcloc.report import Run
+    from mcloc.trajectory import Trajectory
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Accuracy",
+    "Composition",
+    "ConfigError",
+    "Estimate",
+    "FilterError",
+    "Hypothesis",
+    "Localizer",
+    "LogError",
+    "MapError",
+    "McLocError",
+    "OccupancyGrid",
+    "Odometry",
+    "Run",
+    "RunConfig",
+    "Scan",
+    "Trajectory",
+    "TruthError",
+    "UpdatePolicy",
+    "__version__",
+    "evaluate",
+    "read_log",
+    "read_trajectory",
+    "write_tum",
+]
+
+_ROOMS = {
+    "mcloc.config": ("RunConfig",),
+    "mcloc.errors": (
+        "ConfigError",
+        "FilterError",
+        "LogError",
+        "MapError",
+        "McLocError",
+        "TruthError",
+    ),
+    "mcloc.estimate": ("Hypothesis",),
+    "mcloc.evaluation": ("Accuracy", "evaluate"),
+    "mcloc.events": ("Odometry", "Scan"),
+    "mcloc.filters.catalog": ("Composition",),
+    "mcloc.io.log": ("read_log",),
+    "mcloc.io.tum": ("read_trajectory", "write_tum"),
+    "mcloc.localizer": ("Estimate", "Localizer", "UpdatePolicy"),
+    "mcloc.maps.occupancy": ("OccupancyGrid",),
+    "mcloc.report": ("Run",),
+    "mcloc.trajectory": ("Trajectory",),
+}
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _ROOM_OF:
+        raise AttributeError(f"module 'mcloc' has no attribute {name!r}")
+    value: object = getattr(import_module(_ROOM_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

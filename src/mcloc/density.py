@@ -19,7 +19,10 @@ class Gaussian:
 
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(3, n): poses of the particles first … first + n − 1."""
-        x = self.mean[:, None] + self.sigma[:, None] * draws.normal(Stream.RANDOM_POSE, first, n)[:3]
+        x = (
+            self.mean[:, None]
+            + self.sigma[:, None] * draws.normal(Stream.RANDOM_POSE, first, n)[:3]
+        )
         x[2] = wrap(x[2])
         return x
 

@@ -20,7 +20,7 @@ class Stream(IntEnum):
 
     ANCESTOR = 0
     MOTION = 1
-    RANDOM_CHOICE = 2
+    CHOICE = 2
     RANDOM_POSE = 3
 
 

@@ -13,7 +13,9 @@ from mcloc.statespace import StateSpace
 
 BIN_LENGTH = 0.25  # m; with the smoothing, modes nearer than about 0.5 m are one
 BIN_ANGLE = np.deg2rad(15.0)
-VALLEY = 0.5  # two hills are two hypotheses if the density between them falls below half of the lower
+VALLEY = (
+    0.5  # two hills are two hypotheses if the density between them falls below half of the lower
+)
 LEAST_SHARE = 0.01  # smaller ones are counted with no hypothesis, unless there is no other
 
 
@@ -79,5 +81,7 @@ def _moments(
     )
     error = x - mean[:, None]
     error[circular] = wrap(error[circular])
-    covariance = (error[:, None] * error[None, :] * w).sum(axis=2)  # not BLAS: its sums depend on threads
+    covariance = (error[:, None] * error[None, :] * w).sum(
+        axis=2
+    )  # not BLAS: its sums depend on threads
     return Hypothesis(mean, covariance, min(share, 1.0))

@@ -29,7 +29,8 @@ class Scan:
     stays as the log has it, the sensor model decides. angles: (B,) radians in the sensor's frame, 0 ahead,
     positive to the left. range_max: metres, a reading at or above it is no return.
     mount: (3,) the sensor's pose in the robot's frame. odometry: (3,) the odometry pose that the log
-    itself gives for the moment of the scan, or None: then it is interpolated to t.
+    itself gives for the moment of the scan, or None: then it is interpolated to t. novelty: 0 … 1, how much of
+    it is news after the last scan that was used; the runtime sets it.
     """
 
     t: float
@@ -38,6 +39,7 @@ class Scan:
     range_max: float
     mount: Pose = field(default_factory=lambda: np.zeros(3))
     odometry: Pose | None = None
+    novelty: float = 1.0
 
 
 Event = Odometry | Scan

@@ -61,3 +61,10 @@ def interpolate(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Poses:
     result = p + f * step
     result[..., 2] = wrap(result[..., 2])
     return result
+
+
+def transported(a: ArrayLike, covariance: ArrayLike, u: ArrayLike) -> NDArray[np.float64]:
+    """(3, 3): the covariance of a ⊕ u for a known u, to first order: J Σ Jᵀ with J = ∂(a ⊕ u)/∂a."""
+    moved = compose(a, u) - np.asarray(a, dtype=np.float64)
+    jacobian = np.array([[1.0, 0.0, -moved[1]], [0.0, 1.0, moved[0]], [0.0, 0.0, 1.0]])
+    return np.einsum("ij,jk,lk->il", jacobian, np.asarray(covariance, dtype=np.float64), jacobian)

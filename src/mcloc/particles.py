@@ -25,7 +25,9 @@ class Particles:
         """Particles whose weights sum to 1. Raises FilterError on NaN, or where every weight is 0."""
         total = log_sum_exp(log_weights)
         if not np.isfinite(total):
-            raise FilterError(f"the {len(log_weights)} weights sum to {np.exp(total)}, not to a finite number > 0")
+            raise FilterError(
+                f"the {len(log_weights)} weights sum to {np.exp(total)}, not to a finite number > 0"
+            )
         return cls(np.ascontiguousarray(states), log_weights - total)
 
     @classmethod

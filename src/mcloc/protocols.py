@@ -27,6 +27,9 @@ class MotionModel(Protocol):
     def log_pi(self, x_new: States, u: Any) -> LogWeights:
         """(n,): log π(x_new | u) = log ∫ p(x_new | u, x_{t−1}) dx_{t−1}."""
 
+    def doubted(self) -> "MotionModel":
+        """The same model for wheels that must have lied; itself where there is no such thing."""
+
 
 class SensorModel(Protocol):
     """p(z_t | x_t) up to a factor that does not depend on x."""
@@ -35,7 +38,10 @@ class SensorModel(Protocol):
         """(n,): log p(z | x) for each column of x."""
 
     def readings(self, z: Any) -> float:
-        """How many independent readings the likelihood takes z for."""
+        """How many independent readings the likelihood takes z for, > 0."""
+
+    def explained(self, x: States, z: Any) -> NDArray[np.float64]:
+        """(n,): the share of the readings that the map explains at each x, NaN where z has none."""
 
 
 class Density(Protocol):
@@ -46,6 +52,13 @@ class Density(Protocol):
 
     def log_density(self, x: States) -> LogWeights:
         """(n,): log density at each column of x."""
+
+
+class Environment(Density, Protocol):
+    """Where a robot can be. As a density it is U(x), uniform over these places."""
+
+    def log_prior(self, x: States) -> LogWeights:
+        """(n,): log p(x | m), 0 where a robot can be, less where it hardly can."""
 
 
 class Counter(Protocol):

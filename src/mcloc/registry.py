@@ -17,8 +17,14 @@ T = TypeVar("T")
 
 
 def param(
-    default: Value, unit: str, doc: str, *, low: float = -math.inf, high: float = math.inf,
-    above: float = -math.inf, choices: tuple[str, ...] = (),
+    default: Value,
+    unit: str,
+    doc: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: float = -math.inf,
+    choices: tuple[str, ...] = (),
 ) -> Any:
     """A parameter of a part: low ≤ value ≤ high, value > above; `unit` is "" for a pure number."""
     limits = {"unit": unit, "doc": doc, "low": low, "high": high, "above": above}
@@ -40,7 +46,9 @@ class Part:
 
     def __post_init__(self) -> None:
         for field in parameters(self):
-            object.__setattr__(self, field.name, _checked(type(self).__name__, field, getattr(self, field.name)))
+            object.__setattr__(
+                self, field.name, _checked(type(self).__name__, field, getattr(self, field.name))
+            )
 
 
 def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
@@ -51,14 +59,18 @@ def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
         if not isinstance(value, kind):
             raise ConfigError(f"{where} must be {kind.__name__}, got {value!r}")
         if limits["choices"] and value not in limits["choices"]:
-            raise ConfigError(f"{where} must be one of {', '.join(limits['choices'])}, got {value!r}")
+            raise ConfigError(
+                f"{where} must be one of {', '.join(limits['choices'])}, got {value!r}"
+            )
         return value
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ConfigError(f"{where} must be a number, got {value!r}")
     if kind is int and value != int(value):
         raise ConfigError(f"{where} must be a whole number, got {value!r}")
     if not (limits["low"] <= value <= limits["high"] and value > limits["above"]):
-        raise ConfigError(f"{where} = {value} {limits['unit']}".rstrip() + f" must be {_range(limits)}")
+        raise ConfigError(
+            f"{where} = {value} {limits['unit']}".rstrip() + f" must be {_range(limits)}"
+        )
     return kind(value)
 
 
@@ -92,7 +104,9 @@ class Registry(Generic[T]):
         known = {f.name for f in parameters(cls)}
         for key in settings:
             if key not in known:
-                raise ConfigError(f"{self.kind} {name!r} has no parameter {key!r}; {suggest(key, known)}")
+                raise ConfigError(
+                    f"{self.kind} {name!r} has no parameter {key!r}; {suggest(key, known)}"
+                )
         return cls(*bound, **settings)
 
     def __iter__(self) -> Iterator[str]:

@@ -5,7 +5,7 @@ A resampler says which particle of the old set is the ancestor of the j-th new o
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -48,10 +48,7 @@ class Systematic(Part):
     evenly as a comb [Kuipers, Niederreiter: Uniform distribution of sequences, ch. 2 §3].
     """
 
-    ess_below: float = param(1.0, "", "resample only when ESS / N is below", above=0, high=1)
-
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        if particles.ess > self.ess_below * len(particles): return Ancestry(lambda first, count: np.arange(first, first + count), len(particles), particles.log_weights)
         cumulative = np.cumsum(particles.weights)
         offset = float(draws.uniform(Stream.ANCESTOR, 0, 1)[0, 0])
 
@@ -64,22 +61,27 @@ class Systematic(Part):
         return Ancestry(of, n)
 
 
-@dataclass(frozen=True, slots=True)
-class WhenEssBelow(Part):
-    """Resample only when the effective sample size is below a share of the set, else keep the set."""
+@dataclass(frozen=True)
+class Selective(Part):
+    """Resample only when the effective sample size is below a share of the set, else keep the set and its size."""
 
-    share: float
-    resampler: Resampler
+    ess_below: float = param(0.5, "", "resample only where ESS / N is below", above=0, high=1)
+    resampler: Resampler = field(default_factory=Systematic)
 
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        if particles.ess < self.share * len(particles):
+        size = len(particles)
+        if particles.ess < self.ess_below * size:
             return self.resampler(particles, n, draws)
-        return Ancestry(lambda first, count: np.arange(first, first + count), len(particles), particles.log_weights)
+        return Ancestry(
+            lambda first, count: np.arange(first, first + count), size, particles.log_weights
+        )
 
 
 def when_ess_below(share: float, resampler: Resampler) -> Resampler:
-    """`resampler`, but only when ESS < share · N; share 1 resamples always."""
-    return WhenEssBelow(share, resampler)
+    """`resampler`, but only when ESS < share · N."""
+    return Selective(share, resampler)
 
 
-RESAMPLERS: Registry[Resampler] = Registry("resampler", {"systematic": Systematic})
+RESAMPLERS: Registry[Resampler] = Registry(
+    "resampler", {"systematic": Systematic, "selective": Selective}
+)

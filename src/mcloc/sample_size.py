@@ -47,12 +47,14 @@ class KLD(Part):
     n ≥ (k − 1)/(2ε) · (1 − 2/(9(k − 1)) + √(2/(9(k − 1))) z_{1−δ})³.
     """
 
-    epsilon: float = param(0.02, "", "bound on the Kullback-Leibler distance", above=0, high=1)
+    epsilon: float = param(0.05, "", "bound on the Kullback-Leibler distance", above=0, high=1)
     delta: float = param(0.01, "", "chance of missing that bound", above=0, high=0.5)
-    bin_length: float = param(0.25, "m", "side of a bin along a straight axis", above=0)
-    bin_angle: float = param(0.17, "rad", "side of a bin along a circular axis", above=0, high=np.pi)
-    minimum: int = param(500, "", "fewest particles", low=1)
-    maximum: int = param(100_000, "", "most particles", low=1, high=1e8)
+    bin_length: float = param(0.5, "m", "side of a bin along a straight axis", above=0)
+    bin_angle: float = param(
+        0.26, "rad", "side of a bin along a circular axis", above=0, high=np.pi
+    )
+    minimum: int = param(2000, "", "fewest particles", low=1)
+    maximum: int = param(200_000, "", "most particles", low=1, high=1e8)
 
     @property
     def fixed(self) -> int | None:

@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
+from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
 from mcloc.filters.particle_filter import Part, ParticleFilter
 from mcloc.filters.recovery import RECOVERIES, Recovery
-from mcloc.maps.free_space import FreeSpace
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.forward import Forward
-from mcloc.protocols import Density, MotionModel, SampleSize, SensorModel
+from mcloc.protocols import Environment, MotionModel, SampleSize, SensorModel
 from mcloc.registry import Registry, Value, suggest
 from mcloc.resampling import RESAMPLERS, Resampler
 from mcloc.sample_size import SIZES
@@ -20,16 +21,26 @@ from mcloc.sensors import SENSORS
 def mcl(
     motion: MotionModel,
     sensor: SensorModel,
-    uniform: Density,
+    environment: Environment,
     size: SampleSize,
     resampler: Resampler,
     recovery: Recovery,
 ) -> ParticleFilter:
     """Monte Carlo localization [Fox01 §19.2.3; Fox99]."""
-    return ParticleFilter(motion, sensor, uniform, (Part(1.0, Forward(resampler), size),), recovery)
+    part = Part(1.0, Forward(resampler), size)
+    return ParticleFilter(motion, sensor, environment, (part,), recovery)
 
 
 FILTERS: dict[str, Callable[..., ParticleFilter]] = {"mcl": mcl}
+
+REGISTRIES: dict[str, Registry[Any]] = {
+    "motion": MOTIONS,
+    "sensor": SENSORS,
+    "environment": ENVIRONMENTS,
+    "size": SIZES,
+    "resampler": RESAMPLERS,
+    "recovery": RECOVERIES,
+}
 
 
 @dataclass(frozen=True)
@@ -39,9 +50,10 @@ class Composition:
     filter: str = "mcl"
     motion: str = "odometry"
     sensor: str = "likelihood-field"
+    environment: str = "free-space"
     size: str = "kld"
     resampler: str = "systematic"
-    recovery: str = "none"
+    recovery: str = "augmented"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid) -> ParticleFilter:
@@ -52,14 +64,13 @@ class Composition:
             if kind not in REGISTRIES:
                 raise ConfigError(f"unknown part {kind!r}; {suggest(kind, REGISTRIES)}")
         return FILTERS[self.filter](
-            self._part("motion"), self._part("sensor", grid), FreeSpace(grid),
-            self._part("size"), self._part("resampler"), self._part("recovery"),
+            motion=self._part("motion"),
+            sensor=self._part("sensor", grid),
+            environment=self._part("environment", grid),
+            size=self._part("size"),
+            resampler=self._part("resampler"),
+            recovery=self._part("recovery"),
         )
 
-    def _part(self, kind: str, *bound: object) -> object:
+    def _part(self, kind: str, *bound: object) -> Any:
         return REGISTRIES[kind].make(getattr(self, kind), *bound, **self.settings.get(kind, {}))
-
-
-REGISTRIES: dict[str, Registry] = {
-    "motion": MOTIONS, "sensor": SENSORS, "size": SIZES, "resampler": RESAMPLERS, "recovery": RECOVERIES,
-}

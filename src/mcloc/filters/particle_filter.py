@@ -9,7 +9,7 @@ from mcloc.draws import Draws
 from mcloc.filters.recovery import Evidence, NoRecovery, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.proposals.target import Target
-from mcloc.protocols import Density, MotionModel, SampleSize, SensorModel, Source
+from mcloc.protocols import Density, Environment, MotionModel, SampleSize, SensorModel, Source
 from mcloc.statespace import SE2, LogWeights, States, StateSpace
 
 
@@ -50,13 +50,15 @@ class StepInfo:
     """What was learned on the way.
 
     n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of the first part,
-    an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics. resampled: False where the set was kept.
+    an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics. doubt: the share of moves for which
+    the wheels were not believed. resampled: False where the set was kept.
     """
 
     n: int
     ess: float
     log_evidence: float
     alpha: float
+    doubt: float
     resampled: bool
 
 
@@ -66,56 +68,87 @@ class ParticleFilter:
 
     motion: MotionModel
     sensor: SensorModel
-    uniform: Density
+    environment: Environment
     parts: tuple[Part, ...]
     recovery: Recovery = field(default_factory=NoRecovery)
     space: StateSpace = SE2
 
     def start(self, initial: Density, draws: Draws) -> Belief:
         """Particles drawn from an initial density, as many as the first part's size asks for."""
-        rule = self.parts[0].size
-        states, _ = draw(lambda first, n: (initial.sample(draws, first, n), np.zeros(n)), rule, None, self.space)
+
+        def source(first: int, n: int) -> tuple[States, LogWeights]:
+            return initial.sample(draws, first, n), np.zeros(n)
+
+        states, _ = draw(source, self.parts[0].size, None, self.space)
         return Belief(Particles.equal(states))
 
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
-        """The belief after moving by u and measuring z. Raises FilterError where every weight is 0."""
-        alpha = self.recovery.alpha(bel.evidence)
-        target = Target(bel.particles, u, z, alpha, self.motion, self.sensor, self.uniform)
-        drawn: list[tuple[States, LogWeights]] = []
-        resampled = False
+        """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
+
+        A scan that is explained much worse than usual makes the step be drawn once more, with doubt in the wheels.
+        """
+        alpha, doubt, readings = self.recovery.alpha(bel.evidence), 0.0, self.sensor.readings(z)
+        drawn = self._draw(bel, u, z, alpha, doubt, draws)
+        doubt = self.recovery.doubt(bel.evidence, float(np.exp(drawn.estimates[0] / readings)))
+        if doubt > 0.0:
+            drawn = self._draw(bel, u, z, alpha, doubt, draws)
+        shifts = self._shifts(drawn)
+        particles = Particles.normalized(
+            np.concatenate(drawn.states, axis=1),
+            np.concatenate([w + shift for w, shift in zip(drawn.log_weights, shifts, strict=True)]),
+        )
+        likelihood = float(np.exp(drawn.estimates[0] / readings))
+        evidence = bel.evidence.updated(likelihood, self.recovery.rates)
+        info = StepInfo(
+            len(particles), particles.ess, drawn.estimates[0], alpha, doubt, drawn.resampled
+        )
+        return Belief(particles, evidence), info
+
+    def _draw(
+        self, bel: Belief, u: Any, z: Any, alpha: float, doubt: float, draws: Draws
+    ) -> "_Drawn":
+        """Weighted particles of every part, not yet normalized."""
+        target = Target(
+            bel.particles, u, z, alpha, doubt, self.motion, self.sensor, self.environment
+        )
+        drawn, resampled = [], False
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))
             drawn.append(draw(source, part.size, n, self.space))
             resampled = resampled or n != len(bel.particles)
-        estimates = [log_sum_exp(w) - np.log(w.shape[0]) for _, w in drawn]
-        shifts = self._shifts(estimates, [len(w) for _, w in drawn])
-        particles = Particles.normalized(
-            np.concatenate([x for x, _ in drawn], axis=1),
-            np.concatenate([w + shift for (_, w), shift in zip(drawn, shifts, strict=True)]),
-        )
-        evidence = bel.evidence.updated(
-            estimates[0], self.sensor.readings(z), self.recovery.rates
-        )
-        info = StepInfo(len(particles), particles.ess, estimates[0], alpha, resampled)
-        return Belief(particles, evidence), info
+        states, log_weights = zip(*drawn, strict=True)
+        estimates = [log_sum_exp(w) - float(np.log(len(w))) for w in log_weights]
+        return _Drawn(list(states), list(log_weights), estimates, resampled)
 
-    def _shifts(self, estimates: list[float], sizes: list[int]) -> list[float]:
+    def _shifts(self, drawn: "_Drawn") -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
 
-        Within a group a part weighs φ_k / N_k a particle; then each group is brought to its share Σ φ.
+        Within a group a particle of part k weighs φ_k / N_k; then each group is brought to its share Σ φ.
         """
         phis = np.array([part.phi for part in self.parts])
-        evidence = np.log(phis) + np.array(estimates)
-        shifts = np.log(phis) - np.log(sizes)
+        evidence = np.log(phis) + np.array(drawn.estimates)
+        shifts = np.log(phis) - np.log([len(w) for w in drawn.log_weights])
         for group in {part.group for part in self.parts}:
             members = np.array([part.group == group for part in self.parts])
             total = log_sum_exp(evidence[members])
             if np.isfinite(total):
                 shifts[members] += np.log(phis[members].sum()) - total
-        return list(shifts)
+        return [float(shift) for shift in shifts]
 
 
-def draw(source: Source, rule: SampleSize, n: int | None, space: StateSpace) -> tuple[States, LogWeights]:
+@dataclass(frozen=True, eq=False, slots=True)
+class _Drawn:
+    """One entry a part; estimates: log of the mean weight."""
+
+    states: list[States]
+    log_weights: list[LogWeights]
+    estimates: list[float]
+    resampled: bool
+
+
+def draw(
+    source: Source, rule: SampleSize, n: int | None, space: StateSpace
+) -> tuple[States, LogWeights]:
     """n weighted particles, or as many as the rule asks for where n is None.
 
     They are drawn in chunks, but where drawing stops depends on the particles alone, not on the chunks.

@@ -1,53 +1,69 @@
-"""How much of the predictive density is uniform: α in (1 − α) p_d + α U  [Yee Eq. 1]."""
+"""When a filter should doubt itself: its wheels at once, its place in the long run.
+
+Both judge by the *unnormalized* likelihood of the scans: once normalized, weights know nothing of how well the map explains a scan.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
 
 from mcloc.registry import Part, Registry, param
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Running averages of the likelihood of the measurements, short and long; 0 before the first.
+    """Short and long running average of the predictive likelihood per reading; 0 before the first.
 
-    What is averaged is the *unnormalized* predictive likelihood (1/N) Σ p(z | x^(i)): once normalized, weights
-    know nothing of how well the map explains the scan. It is taken per independent reading, that is to
-    the power 1/readings, so that scans of any length compare.
+    The likelihood (1/N) Σ p(z | x^(i)) is taken per independent reading, that is to the power 1/readings, so that
+    scans of any length compare.
     """
 
     fast: float = 0.0
     slow: float = 0.0
 
-    def updated(self, log_evidence: float, readings: float, rates: tuple[float, float]) -> "Evidence":
-        """w ← w + rate (w_avg − w); the first measurement starts both averages."""
-        average = float(np.exp(log_evidence / readings))
+    def updated(self, likelihood: float, rates: tuple[float, float]) -> "Evidence":
+        """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3]; the first scan starts both."""
         if self.slow == 0.0:
-            return Evidence(average, average)
+            return Evidence(likelihood, likelihood)
         fast, slow = rates
         return Evidence(
-            self.fast + fast * (average - self.fast), self.slow + slow * (average - self.slow)
+            self.fast + fast * (likelihood - self.fast), self.slow + slow * (likelihood - self.slow)
         )
 
 
 class Recovery(Protocol):
-    """Decides α before each step."""
+    """Decides how far a step trusts what the filter believed."""
 
     @property
     def rates(self) -> tuple[float, float]:
         """How fast the short and the long average of Evidence follow, per update."""
 
     def alpha(self, evidence: Evidence) -> float:
-        """The share of uniform particles, 0 … 1."""
+        """α of (1 − α) p_d + α U: the uniform share of the dynamics, 0 … 1  [Yee Eq. 1]."""
+
+    def doubt(self, evidence: Evidence, likelihood: float) -> float:
+        """The share of particles for which the wheels are not believed, given this scan's likelihood per reading."""
 
 
 @dataclass(frozen=True)
 class NoRecovery(Part):
-    """α = 0: a filter that has lost the robot stays lost."""
+    """No random particles: a filter that has lost the robot stays lost.
 
-    rate_fast: float = param(0.1, "", "rate of the short average", above=0, high=1)
-    rate_slow: float = param(0.01, "", "rate of the long average", above=0, high=1)
+    Wheels that lie are caught all the same. Where a scan is explained worse than usual, w < doubt_below · w_slow, the step is
+    drawn again with a share 1 − w / (doubt_below · w_slow) of moves from the motion model's `doubted` version, in the way
+    of sensor resetting [Lenser, Veloso: ICRA 2000] but around the robot instead of anywhere.
+    """
+
+    rate_fast: float = param(
+        0.1, "", "rate of the short average of the likelihood", above=0, high=1
+    )
+    rate_slow: float = param(0.02, "", "rate of the long average", above=0, high=1)
+    doubt_below: float = param(
+        0.75,
+        "",
+        "doubt the wheels where likelihood / long average is below; 0: never",
+        low=0,
+        high=1,
+    )
 
     @property
     def rates(self) -> tuple[float, float]:
@@ -55,6 +71,9 @@ class NoRecovery(Part):
 
     def alpha(self, evidence: Evidence) -> float:
         return 0.0
+
+    def doubt(self, evidence: Evidence, likelihood: float) -> float:
+        return _shortfall(likelihood, evidence.slow, self.doubt_below)
 
 
 @dataclass(frozen=True)
@@ -69,10 +88,20 @@ class RandomParticles(NoRecovery):
 
 @dataclass(frozen=True)
 class Augmented(NoRecovery):
-    """α = max(0, 1 − w_fast/w_slow) [Thrun, Burgard, Fox: Probabilistic Robotics, Table 8.3]."""
+    """α = max(0, 1 − w_fast / (below · w_slow)) [Probabilistic Robotics, Table 8.3, where `below` is 1;
+    Gutmann, Fox: IROS 2002, where it is 1/ν]."""
+
+    below: float = param(
+        0.75, "", "random particles where short / long average is below", above=0, high=1
+    )
 
     def alpha(self, evidence: Evidence) -> float:
-        return max(0.0, 1.0 - evidence.fast / evidence.slow) if evidence.slow > 0.0 else 0.0
+        return _shortfall(evidence.fast, evidence.slow, self.below)
+
+
+def _shortfall(now: float, usual: float, below: float) -> float:
+    """By how much `now` falls short of the share `below` of what is usual: 0 … 1, 0 where nothing is usual yet."""
+    return max(0.0, 1.0 - now / (below * usual)) if usual > 0.0 and below > 0.0 else 0.0
 
 
 RECOVERIES: Registry[Recovery] = Registry(

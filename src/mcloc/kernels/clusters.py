@@ -12,16 +12,23 @@ def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type:
 
     keys (K,): sorted, Σ_d coordinate_d · stride_d. periods (D,): bins around a circular axis, 0 for a straight one.
     """
-    for k in range(len(keys)):
-        for m in range(offsets.shape[0]):
+    n = len(keys)
+    for m in range(offsets.shape[0]):
+        near = 0  # keys rise, so do those looked for, but at the seam of a circular axis
+        for k in range(n):
             key = 0
             for d in range(len(periods)):
                 at = coordinates[d, k] + offsets[m, d]
                 if periods[d] > 0:
                     at %= periods[d]
                 key += at * strides[d]
-            found = np.searchsorted(keys, key)
-            out[k, m] = found if found < len(keys) and keys[found] == key else -1
+            steps = 0
+            while near < n and keys[near] < key and steps < 8:
+                near += 1
+                steps += 1
+            if near == n or keys[near] < key or (near > 0 and keys[near - 1] >= key):
+                near = np.searchsorted(keys, key)
+            out[k, m] = near if near < n and keys[near] == key else -1
 
 
 @kernel
@@ -49,7 +56,11 @@ def join_hills(order, density, neighbours, valley, root):  # type: ignore[no-unt
             j = neighbours[k, m]
             if j >= 0 and root[j] >= 0:
                 top = _top(root, j)
-                if best < 0 or density[top] > density[best] or (density[top] == density[best] and top < best):
+                if (
+                    best < 0
+                    or density[top] > density[best]
+                    or (density[top] == density[best] and top < best)
+                ):
                     best = top
         if best < 0:
             root[k] = k

@@ -1,4 +1,4 @@
-"""Σ_beams log p(r | x) from a table over the cells of a map: the loop of the likelihood field."""
+"""Σ_beams log p(r | x) from a table over the cells of a map: the loop of the likelihood field and its like."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from mcloc.kernels.jit import kernel
 
 
 @kernel
-def sum_over_beams(  # type: ignore[no-untyped-def]
+def sum_over_points(  # type: ignore[no-untyped-def]
     states, points, table, height, width, origin_x, origin_y, cos0, sin0, per_cell, out, start, stop
 ):
     """out (N,): the sum of table[cell of endpoint] over the beams.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mcloc.kernels.jit import kernel
-from mcloc.kernels.philox import normal_pair, philox, unit
+from mcloc.kernels.philox import normal_pair, philox
 
 
 @kernel
@@ -14,20 +14,35 @@ def wrapped(angle):  # type: ignore[no-untyped-def]
 
 @kernel
 def sample_moves(  # type: ignore[no-untyped-def]
-    out, rot1, trans, rot2, sd_rot1, sd_trans, sd_rot2, p_slip, slip, first, stream, step, part, key, start, stop
+    out,
+    rot1,
+    trans,
+    rot2,
+    sd_rot1,
+    sd_trans,
+    sd_rot2,
+    reverse_below,
+    first,
+    stream,
+    step,
+    part,
+    key,
+    start,
+    stop,
 ):
-    """out (3, N): moves (dx, dy, dθ) in the robot's frame: rotate, drive, rotate, each with its noise."""
+    """out (3, N): moves (dx, dy, dθ) in the robot's frame: rotate, drive, rotate, each with its noise.
+
+    The drive is reversed where a fourth normal falls below `reverse_below`.
+    """
     for i in range(start, stop):
         a, b, c, d = philox(first + i, stream, step, part, key)
         n0, n1 = normal_pair(a, b)
-        n2 = normal_pair(c, d)[0]
-        e, _, _, _ = philox(first + i, stream + 1, step, part, key)
-        scale = slip if unit(e) < p_slip else 1.0
-        turn = rot1 + scale * sd_rot1 * n0
-        length = trans + scale * sd_trans * n1
+        n2, n3 = normal_pair(c, d)
+        turn = rot1 + sd_rot1 * n0
+        length = (-trans if n3 < reverse_below else trans) + sd_trans * n1
         out[0, i] = length * np.cos(turn)
         out[1, i] = length * np.sin(turn)
-        out[2, i] = turn + rot2 + scale * sd_rot2 * n2
+        out[2, i] = turn + rot2 + sd_rot2 * n2
 
 
 @kernel

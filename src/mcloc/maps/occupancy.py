@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mcloc.errors import MapError
-from mcloc.geometry import Pose, Poses, between
+from mcloc.geometry import Pose, Poses, between, compose
 
 UNKNOWN = -1
 FREE = 0
@@ -36,7 +36,9 @@ class OccupancyGrid:
         cells = np.ascontiguousarray(self.cells, dtype=np.int8)
         origin = np.array(self.origin, dtype=np.float64)
         if cells.ndim != 2 or cells.size == 0:
-            raise MapError(f"{self.name}: cells must be a table of height × width, got {cells.shape}")
+            raise MapError(
+                f"{self.name}: cells must be a table of height × width, got {cells.shape}"
+            )
         if not (np.isfinite(self.resolution) and self.resolution > 0):
             raise MapError(f"{self.name}: resolution must be > 0 m/cell, got {self.resolution}")
         if origin.shape != (3,) or not np.isfinite(origin).all():
@@ -98,3 +100,12 @@ class OccupancyGrid:
         if self.occupied[row, column]:
             return "occupied"
         return "free" if self.free[row, column] else "unknown"
+
+    def extent(self) -> str:
+        """The area covered, for people: the bounding box of the map in its frame."""
+        height, width = np.array(self.cells.shape) * self.resolution
+        corners = compose(
+            self.origin, [[0, 0, 0], [width, 0, 0], [0, height, 0], [width, height, 0]]
+        )
+        (x0, y0), (x1, y1) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        return f"x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m"

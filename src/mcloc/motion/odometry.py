@@ -1,10 +1,11 @@
 """p(x_t | u_t, x_{t−1}) from odometry: rotate δ_rot1, drive δ_trans, rotate δ_rot2, each with its own
 noise  [Thrun, Burgard, Fox: Probabilistic Robotics, §5.4; Fox01 §19.2.2]."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from mcloc.draws import Draws, Stream
 from mcloc.geometry import wrap
@@ -43,8 +44,16 @@ class OdometryMotion(Part):
     alpha4: float = param(0.02, "m/rad", "driving error per turning", low=0)
     sigma_rot_min: float = param(0.01, "rad", "turning error of any move", above=0)
     sigma_trans_min: float = param(0.01, "m", "driving error of any move", above=0)
-    p_slip: float = param(0.1, "", "chance that a move is an outlier", low=0, high=1)
-    slip: float = param(10.0, "", "factor on all deviations of an outlier", low=1)
+    p_reverse: float = param(0.0, "", "chance that the robot drove the other way", low=0, high=0.5)
+    loose: float = param(5.0, "", "factor on all deviations in the doubted model", low=1)
+
+    def doubted(self) -> "OdometryMotion":
+        """The model for wheels that must have lied: they slipped, or count turns without seeing their direction."""
+        factors = {
+            name: self.loose * getattr(self, name)
+            for name in ("alpha1", "alpha2", "alpha3", "alpha4", "sigma_rot_min", "sigma_trans_min")
+        }
+        return replace(self, **factors, p_reverse=0.5)
 
     def decompose(self, u: NDArray[np.float64]) -> Decomposition:
         """δ_rot1, δ_trans, δ_rot2 of a move, and their deviations.
@@ -61,9 +70,17 @@ class OdometryMotion(Part):
         turned = abs(rot1) + abs(rot2)
         drift = (self.alpha2 * trans) ** 2 + self.sigma_rot_min**2
         return Decomposition(
-            rot1, trans, rot2,
+            rot1,
+            trans,
+            rot2,
             float(np.sqrt((self.alpha1 * rot1) ** 2 + drift)),
-            float(np.sqrt((self.alpha3 * trans) ** 2 + (self.alpha4 * turned) ** 2 + self.sigma_trans_min**2)),
+            float(
+                np.sqrt(
+                    (self.alpha3 * trans) ** 2
+                    + (self.alpha4 * turned) ** 2
+                    + self.sigma_trans_min**2
+                )
+            ),
             float(np.sqrt((self.alpha1 * rot2) ** 2 + drift)),
         )
 
@@ -71,7 +88,9 @@ class OdometryMotion(Part):
         """(3, n): x_t ~ p(x_t | u, x) for each column of x."""
         return self._move(apply_moves, x, u, draws, first)
 
-    def sample_previous(self, x_new: States, u: NDArray[np.float64], draws: Draws, first: int) -> States:
+    def sample_previous(
+        self, x_new: States, u: NDArray[np.float64], draws: Draws, first: int
+    ) -> States:
         """(3, n): x_{t−1} ~ p(x_new | u, x_{t−1}) / π(x_new | u): a move drawn and undone."""
         return self._move(undo_moves, x_new, u, draws, first)
 
@@ -85,6 +104,7 @@ class OdometryMotion(Part):
         Two ways lead to a place: forwards, and backwards with δ_rot1 turned by π. Polar coordinates give the 1/δ_trans.
         """
         d = self.decompose(u)
+        driven = ((d.trans, 1.0 - self.p_reverse), (-d.trans, self.p_reverse))
         dx, dy = x_new[0] - x[0], x_new[1] - x[1]
         length = np.maximum(np.hypot(dx, dy), 1e-12)
         bearing = np.arctan2(dy, dx) - x[2]
@@ -94,7 +114,13 @@ class OdometryMotion(Part):
             rot2 = turned - rot1
             ways.append(
                 _log_wrapped_normal(rot1 - d.rot1, d.sd_rot1)
-                + _log_normal(trans - d.trans, d.sd_trans)
+                + np.logaddexp.reduce(
+                    [
+                        np.log(p) + _log_normal(trans - mean, d.sd_trans)
+                        for mean, p in driven
+                        if p > 0.0
+                    ]
+                )
                 + _log_wrapped_normal(rot2 - d.rot2, d.sd_rot2)
             )
         return np.logaddexp(*ways) - np.log(length)
@@ -102,7 +128,15 @@ class OdometryMotion(Part):
     def _move(self, apply, x: States, u: NDArray[np.float64], draws: Draws, first: int) -> States:  # type: ignore[no-untyped-def]
         d, n = self.decompose(u), x.shape[1]
         moves, out = np.empty((3, n)), np.empty((3, n))
-        noise = (d.rot1, d.trans, d.rot2, d.sd_rot1, d.sd_trans, d.sd_rot2, self.p_slip, self.slip)
+        noise = (
+            d.rot1,
+            d.trans,
+            d.rot2,
+            d.sd_rot1,
+            d.sd_trans,
+            d.sd_rot2,
+            float(ndtri(self.p_reverse)),
+        )
         counter = (first, int(Stream.MOTION), draws.step, draws.part, np.uint64(draws.seed))
 
         def run(start: int, stop: int) -> None:

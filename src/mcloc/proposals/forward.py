@@ -28,7 +28,7 @@ class Forward:
         def source(first: int, count: int) -> tuple[States, LogWeights]:
             ancestors = ancestry.of(first, count)
             states = target.sample_predictive(ancestors, draws, first)
-            log_weights = target.log_likelihood(states)
+            log_weights = target.log_weight(states)
             if ancestry.log_weights is not None:
                 log_weights += ancestry.log_weights[ancestors] + np.log(len(target.particles))
             return states, log_weights

@@ -7,7 +7,7 @@ import numpy as np
 
 from mcloc.draws import Draws, Stream
 from mcloc.particles import Particles
-from mcloc.protocols import Density, Indices, MotionModel, SensorModel
+from mcloc.protocols import Environment, Indices, MotionModel, SensorModel
 from mcloc.statespace import LogWeights, States
 
 
@@ -15,27 +15,35 @@ from mcloc.statespace import LogWeights, States
 class Target:
     """Everything that a step knows before it draws.
 
-    The dynamics are p(x_t | u, x_{t−1}) = (1 − α) p_d(x_t | u, x_{t−1}) + α U(x_t)  [Yee Eq. 1]: random particles are part of the model,
-    not a correction afterwards.
+    The dynamics are p(x_t | u, x_{t−1}) = p(x_t | m) [(1 − α) ((1 − δ) p_d + δ p_doubted) + α U(x_t)]: random particles are
+    part of the model, not a correction afterwards [Yee Eq. 1]; so are moves that the wheels did not report, and that a robot does not
+    stand in walls [Probabilistic Robotics, Eq. 5.11].
     """
 
     particles: Particles
     u: Any
     z: Any
     alpha: float
+    doubt: float
     motion: MotionModel
     sensor: SensorModel
-    uniform: Density
+    environment: Environment
 
     def sample_predictive(self, ancestors: Indices, draws: Draws, first: int) -> States:
-        """(D, n): x_t ~ p(x_t | u, x_{t−1}^(ancestor)), the particles first … first + n − 1."""
+        """(D, n): x_t from the dynamics but for p(x_t | m), the particles first … first + n − 1."""
         n = len(ancestors)
-        states = self.motion.sample(self.particles.states[:, ancestors], self.u, draws, first)
+        old = self.particles.states[:, ancestors]
+        states = self.motion.sample(old, self.u, draws, first)
+        if self.doubt == 0.0 and self.alpha == 0.0:
+            return states
+        random, doubted, _, _ = draws.uniform(Stream.CHOICE, first, n)
+        if self.doubt > 0.0:
+            loose = self.motion.doubted().sample(old, self.u, draws, first)
+            states = np.where(doubted < self.doubt, loose, states)
         if self.alpha > 0.0:
-            random = draws.uniform(Stream.RANDOM_CHOICE, first, n)[0] < self.alpha
-            states = np.where(random, self.uniform.sample(draws, first, n), states)
+            states = np.where(random < self.alpha, self.environment.sample(draws, first, n), states)
         return states
 
-    def log_likelihood(self, x: States) -> LogWeights:
-        """(n,): log p(z | x)."""
-        return self.sensor.log_likelihood(x, self.z)
+    def log_weight(self, x: States) -> LogWeights:
+        """(n,): log p(z | x) p(x | m), what a sample of the predictive density weighs."""
+        return self.sensor.log_likelihood(x, self.z) + self.environment.log_prior(x)

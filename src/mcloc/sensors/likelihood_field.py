@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from mcloc.events import Scan
-from mcloc.kernels.field import sum_over_beams
-from mcloc.kernels.jit import share
+from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.registry import Part, param
 from mcloc.statespace import LogWeights, States
@@ -21,21 +20,25 @@ class LikelihoodField(Part):
     """Likelihood field of a map, for laser scans.
 
     One beam's p is relative to that of a perfect reading: (1 − z) exp(−d²/2σ²) + z with z = z_rand where the
-    endpoint falls on a known cell and z = z_unknown where it falls on an unknown one or off the map: what lies
-    there is not known, so a return from there surprises less than one from free space.
+    endpoint falls on a known cell and z = z_unknown where it falls on an unknown one or off the map. A map maker who saw
+    a surface drew it, so a return from where nobody looked surprises more than one from a thing that stands in free space since.
 
     Beams are not independent: neighbours hit the same surface, and the same error of the map is met by scan
-    after scan. The log-likelihood is therefore tempered, by β = effective_beams / (beams used), everywhere the same.
+    after scan. The log-likelihood is therefore tempered, by β = effective_beams · novelty / (beams used), everywhere the same.
     Of each scan at most max_beams beams are used, evenly spread. Readings that are no return (NaN, inf, ≤ 0, ≥ range_max)
     have no endpoint: they count among the beams used but say nothing.
     """
 
     grid: OccupancyGrid
-    sigma_hit: float = param(0.15, "m", "deviation of endpoints from walls", above=0)
-    z_rand: float = param(0.05, "", "p of a reading that no wall explains, a perfect one being 1", above=0, high=1)
-    z_unknown: float = param(0.2, "", "the same where the map is unknown", above=0, high=1)
+    sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", above=0)
+    z_rand: float = param(
+        0.1, "", "p of a reading that no wall explains, a perfect one being 1", above=0, high=1
+    )
+    z_unknown: float = param(0.05, "", "the same where the map is unknown", above=0, high=1)
     max_beams: int = param(60, "", "most beams used of a scan", low=1)
-    effective_beams: float = param(12.0, "", "independent beams that the used ones are worth", above=0)
+    effective_beams: float = param(
+        12.0, "", "independent beams that the used ones are worth", above=0
+    )
 
     @cached_property
     def _distance(self) -> NDArray[np.float32]:
@@ -47,11 +50,18 @@ class LikelihoodField(Part):
         return (cells * self.grid.resolution).astype(np.float32)
 
     @cached_property
-    def _table(self) -> NDArray[np.float32]:
-        """The same cells: log p of a beam that ends there."""
-        z = np.where(np.pad(self.grid.unknown, 1, constant_values=True), self.z_unknown, self.z_rand)
+    def _near(self) -> CellTable:
+        """1 within 3 σ_hit of a wall, else 0."""
+        return CellTable(self.grid, (self._distance <= 3.0 * self.sigma_hit).astype(np.float32))
+
+    @cached_property
+    def _table(self) -> CellTable:
+        """log p of a beam that ends in a cell."""
+        z = np.where(
+            np.pad(self.grid.unknown, 1, constant_values=True), self.z_unknown, self.z_rand
+        )
         hit = np.exp(-0.5 * (self._distance / self.sigma_hit) ** 2)
-        return np.log((1.0 - z) * hit + z).astype(np.float32)
+        return CellTable(self.grid, np.log((1.0 - z) * hit + z).astype(np.float32))
 
     def used_beams(self, z: Scan) -> NDArray[np.intp]:
         """Which beams of a scan are used."""
@@ -68,32 +78,19 @@ class LikelihoodField(Part):
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
-        total = self._sum(self._table, x, self.endpoints(z))
-        return total * (self.effective_beams / max(len(self.used_beams(z)), 1))
+        total = self._table.sum(x, self.endpoints(z))
+        return total * (self.readings(z) / max(len(self.used_beams(z)), 1))
 
     def readings(self, z: Scan) -> float:
-        """The beams that a scan is worth, however many of them are used."""
-        return self.effective_beams
+        """effective_beams × novelty: the beams that a scan is worth, however many of them are used."""
+        return self.effective_beams * z.novelty
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
         """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without returns."""
         points = self.endpoints(z)
-        near = (self._distance <= 3.0 * self.sigma_hit).astype(np.float32)
-        return self._sum(near, x, points) / len(points) if len(points) else np.full(x.shape[1], np.nan)
-
-    def _sum(self, table: NDArray[np.float32], x: States, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        corner = (ox - cell * (cos - sin), oy - cell * (sin + cos))
-        flat, out = table.ravel(), np.empty(x.shape[1])
-        in_cells = (points / cell).astype(np.float32)
-        frame = (*table.shape, *corner, cos, sin, 1.0 / cell)
-
-        def run(start: int, stop: int) -> None:
-            sum_over_beams(x, in_cells, flat, *frame, out, start, stop)
-
-        share(run, len(out), len(out) * (len(points) + 10))
-        return out
+        if len(points) == 0:
+            return np.full(x.shape[1], np.nan)
+        return self._near.sum(x, points) / len(points)
 
 
 def is_return(ranges: NDArray[np.float64], range_max: float) -> NDArray[np.bool_]:

@@ -43,7 +43,7 @@ def _cells_to_wall(
     padded = np.pad(walls, 1)
     cell = np.floor(start).astype(np.intp)
     step = np.where(direction < 0.0, -1, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         stride = np.abs(1.0 / direction)  # between two borders of the same axis
         border = np.where(direction == 0.0, np.inf, (cell + (step > 0) - start) / direction)
 

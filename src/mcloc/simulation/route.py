@@ -60,5 +60,5 @@ def _graph(cells: NDArray[np.intp], to_wall: NDArray[np.float64]) -> csr_array:
         start.append(a)
         end.append(b)
         cost.append(np.hypot(*step) * (factor[a] + factor[b]) / 2.0)
-    edges = np.concatenate(start), np.concatenate(end)
-    return csr_array((np.concatenate(cost), edges), shape=(len(cells), len(cells)))
+    edges = [np.concatenate(ends).astype(np.int32) for ends in (start, end)]  # all dijkstra takes
+    return csr_array((np.concatenate(cost), tuple(edges)), shape=(len(cells), len(cells)))

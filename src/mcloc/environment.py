@@ -1,4 +1,4 @@
-"""U(x): poses spread evenly over the free cells of a map and all headings."""
+"""Where a robot can stand: p(x | m), and U(x), poses spread evenly over free cells and all headings."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,15 +9,23 @@ from numpy.typing import NDArray
 from mcloc.draws import Draws, Stream
 from mcloc.errors import MapError
 from mcloc.geometry import compose
+from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.protocols import Environment
+from mcloc.registry import Part, Registry, param
 from mcloc.statespace import LogWeights, States
 
 
-@dataclass(frozen=True, eq=False)
-class FreeSpace:
-    """The uniform density over free cells × (−π, π], per m² rad. Raises MapError for a map without any."""
+@dataclass(frozen=True)
+class FreeSpace(Part):
+    """A robot stands on free cells. As a density: uniform over free cells × (−π, π], per m² rad.
+
+    p(x | m) is 1 on a free cell; maps err, so it is not 0 elsewhere. Raises MapError for a map without free cells.
+    """
 
     grid: OccupancyGrid
+    p_unknown: float = param(0.1, "", "p(x | m) on unknown cells and off the map", above=0, high=1)
+    p_occupied: float = param(0.01, "", "p(x | m) inside walls", above=0, high=1)
 
     @cached_property
     def _cells(self) -> NDArray[np.intp]:
@@ -31,7 +39,9 @@ class FreeSpace:
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(3, n): poses of the particles first … first + n − 1, map frame."""
         u = draws.uniform(Stream.RANDOM_POSE, first, n)
-        chosen = self._cells[np.minimum((u[0] * len(self._cells)).astype(np.intp), len(self._cells) - 1)]
+        chosen = self._cells[
+            np.minimum((u[0] * len(self._cells)).astype(np.intp), len(self._cells) - 1)
+        ]
         row, column = np.divmod(chosen, self.grid.cells.shape[1])
         cell = self.grid.resolution
         heading = np.pi - 2.0 * np.pi * u[3]
@@ -47,3 +57,16 @@ class FreeSpace:
         free[inside] = self.grid.free[row[inside], column[inside]]
         area = len(self._cells) * self.grid.resolution**2
         return np.where(free, -np.log(area * 2.0 * np.pi), -np.inf)
+
+    def log_prior(self, x: States) -> LogWeights:
+        """(n,): log p(x | m)."""
+        return self._table.sum(x, np.zeros((1, 2)))
+
+    @cached_property
+    def _table(self) -> CellTable:
+        not_free = np.where(self.grid.unknown, self.p_unknown, self.p_occupied)
+        values = np.log(np.where(self.grid.free, 1.0, not_free))
+        return CellTable(self.grid, np.pad(values, 1, constant_values=np.log(self.p_unknown)))
+
+
+ENVIRONMENTS: Registry[Environment] = Registry("environment", {"free-space": FreeSpace})

@@ -1,0 +1,67 @@
+"""`mcloc`: its commands, and what becomes of their errors."""
+
+from typing import Annotated, Any
+
+import typer
+
+from mcloc import __version__
+from mcloc.cli.eval import evaluate_files
+from mcloc.cli.models import show_models
+from mcloc.cli.run import run
+from mcloc.errors import McLocError
+
+# The class of "no such option" and its like; typer names none, and its home moved between versions.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+INPUT_WRONG = 2
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+
+class _Commands(typer.core.TyperGroup):
+    """Turns what a user can cause into a line on stderr and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except McLocError as cause:
+            typer.echo(f"error: {cause}", err=True)
+        except _UsageError as cause:
+            where = getattr(getattr(cause, "ctx", None), "command_path", "mcloc")
+            typer.echo(f"error: {cause.format_message()}", err=True)  # type: ignore[attr-defined]
+            typer.echo(f"`{where} --help` lists what it takes.", err=True)
+        except KeyboardInterrupt:
+            typer.echo("interrupted", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(INPUT_WRONG)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"mcloc {__version__}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    cls=_Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+app.command("run")(run)
+app.command("eval")(evaluate_files)
+app.command("models")(show_models)
+
+
+@app.callback()
+def main_options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Monte Carlo localization: a map and a log in, the robot's path in the map out."""
+
+
+def main() -> None:
+    """The program."""
+    app()

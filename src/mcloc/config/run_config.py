@@ -1,0 +1,165 @@
+"""Everything that a run depends on: metres, radians, seconds, and names of parts.
+
+Paths are taken as they are given: a relative one starts at the folder in which the run is started,
+not at the one that the configuration lies in.
+"""
+
+import math
+import secrets
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, cast
+
+from mcloc.errors import ConfigError
+from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
+from mcloc.localizer import UpdatePolicy
+from mcloc.registry import Value, parameters, suggest
+
+Triple = tuple[float, float, float]
+Settings = Mapping[str, Mapping[str, Value]]
+
+PARTS = (*REGISTRIES, "update")
+"""What has parameters to set; `update` says when a scan is used."""
+
+_NOTES = {
+    "initial": "x, y, theta in m, m, rad; null: search on the whole map",
+    "initial_sigma": "standard deviations in m, m, rad",
+    "start": "s, stamp of the log; null: its beginning",
+    "end": "s, stamp of the log; null: its end",
+    "mount": "x, y, theta of the laser on the robot in m, m, rad; null: what the log says",
+    "threads": "null: one a core; no result depends on it",
+}
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """A run that can be made and repeated.
+
+    map, log, truth: paths. initial: start pose in the map frame, None for global localization;
+    initial_sigma: its standard deviations. start, end: stamps of the log between which it is used.
+    mount: the laser's pose on the robot, None for what the log says. seed: None for a fresh one.
+    threads: None for one a core. filter … recovery: names of parts. settings: {part: {parameter:
+    value}} where they differ from the defaults; text is read as what the parameter is.
+
+    Raises ConfigError for unknown names and parameters, and for values of a wrong kind.
+    """
+
+    map: str
+    log: str
+    truth: str | None = None
+    initial: Triple | None = None
+    initial_sigma: Triple = (0.5, 0.5, math.radians(15.0))
+    start: float | None = None
+    end: float | None = None
+    mount: Triple | None = None
+    seed: int | None = None
+    threads: int | None = None
+    filter: str = Composition.filter
+    motion: str = Composition.motion
+    sensor: str = Composition.sensor
+    size: str = Composition.size
+    resampler: str = Composition.resampler
+    recovery: str = Composition.recovery
+    settings: Settings = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.filter not in FILTERS:
+            raise ConfigError(f"unknown filter {self.filter!r}; {suggest(self.filter, FILTERS)}")
+        for part in self.settings:
+            if part not in PARTS:
+                raise ConfigError(f"unknown part {part!r}; {suggest(part, PARTS)}")
+        if self.threads is not None and self.threads < 1:
+            raise ConfigError(f"threads must be >= 1, got {self.threads}")
+        start = -math.inf if self.start is None else self.start
+        end = math.inf if self.end is None else self.end
+        if not start <= end:
+            raise ConfigError(f"start = {start:g} s must not lie after end = {end:g} s")
+        settings = {part: self._typed(part) for part in PARTS}
+        object.__setattr__(self, "settings", {part: of for part, of in settings.items() if of})
+
+    def resolved(self) -> "RunConfig":
+        """The same run with a seed, and with the value of each parameter spelt out."""
+        settings = {
+            part: {**_defaults(self._class(part)), **self.settings.get(part, {})} for part in PARTS
+        }
+        seed = secrets.randbits(32) if self.seed is None else self.seed
+        return replace(self, seed=seed, settings=settings)
+
+    @property
+    def composition(self) -> Composition:
+        """The filter."""
+        names = {name: getattr(self, name) for name in ("filter", *REGISTRIES)}
+        settings = {part: of for part, of in self.settings.items() if part in REGISTRIES}
+        return Composition(**names, settings=settings)
+
+    @property
+    def policy(self) -> UpdatePolicy:
+        """When a scan is used."""
+        return UpdatePolicy(**dict(self.settings.get("update", {})))  # type: ignore[arg-type]
+
+    def to_yaml(self) -> str:
+        """As a file for `read_entries`; units stand in comments."""
+        return "\n".join([*self._lines(), ""])
+
+    def _lines(self) -> Iterator[str]:
+        yield "# A run of mcloc; `mcloc run --config` with this file repeats it."
+        yield "# Relative paths start at the folder in which mcloc is run."
+        for f in fields(self):
+            if f.name != "settings":
+                yield _line(f.name, getattr(self, f.name), _NOTES.get(f.name, ""))
+        yield "settings:" if self.settings else "settings: {}"
+        for part, values in self.settings.items():
+            yield f"  {part}:"
+            units = {f.name: f.metadata["unit"] for f in parameters(self._class(part))}
+            for name, value in values.items():
+                yield "    " + _line(name, value, units[name])
+
+    def _class(self, part: str) -> type[Any]:
+        kind: type[Any] = (
+            UpdatePolicy if part == "update" else REGISTRIES[part].get(getattr(self, part))
+        )
+        return kind
+
+    def _typed(self, part: str) -> dict[str, Value]:
+        """The settings of a part, text turned into what the parameter is."""
+        defaults = _defaults(self._class(part))
+        for name in self.settings.get(part, {}):
+            if name not in defaults:
+                owner = part if part == "update" else f"{part} {getattr(self, part)!r}"
+                raise ConfigError(f"{owner} has no parameter {name!r}; {suggest(name, defaults)}")
+        return {
+            name: _value(f"{part}.{name}", value, type(defaults[name]))
+            for name, value in self.settings.get(part, {}).items()
+        }
+
+
+def _defaults(part: type[Any]) -> dict[str, Value]:
+    return {f.name: cast(Value, f.default) for f in parameters(part)}
+
+
+def _value(where: str, value: Value, kind: type) -> Value:
+    """`value` as the kind of the parameter; its limits are checked where the part is built."""
+    if kind is bool and str(value).lower() in ("true", "false"):
+        return str(value).lower() == "true"
+    if kind is str and isinstance(value, str):
+        return value
+    if kind in (int, float) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            pass
+        else:
+            return int(number) if kind is int and number.is_integer() else number
+    wanted = {bool: "true or false", str: "text"}.get(kind, "a number")
+    raise ConfigError(f"{where} must be {wanted}, got {value!r}")
+
+
+def _line(key: str, value: object, note: str) -> str:
+    """`key: value  # note`."""
+    import yaml
+
+    listed = list(value) if isinstance(value, tuple) else value
+    text = yaml.safe_dump(listed, default_flow_style=True, allow_unicode=True, width=10**6)
+    # One scalar is a whole document to YAML, which it ends with "...".
+    text = text.removesuffix("...\n").rstrip("\n")
+    return f"{key}: {text}  # {note}" if note else f"{key}: {text}"

@@ -1,0 +1,1 @@
+"""Filters as compositions of parts: the particle filter, its recovery, the catalog."""

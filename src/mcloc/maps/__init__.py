@@ -1,0 +1,1 @@
+"""Maps: the occupancy grid, its free space, its files."""

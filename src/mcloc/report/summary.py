@@ -1,0 +1,82 @@
+"""A run in a few numbers: `summary.json`."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from mcloc import __version__
+from mcloc.evaluation import Accuracy, evaluate
+from mcloc.geometry import Pose
+from mcloc.report.run import Run
+from mcloc.report.tables import trajectory_of
+
+
+def accuracy_of(run: Run) -> Accuracy | None:
+    """Of the estimates so far; None without a truth. Raises TruthError where the two never meet."""
+    if run.truth is None:
+        return None
+    return evaluate(trajectory_of(run.estimates), run.truth, odometry=run.wheels.trajectory)
+
+
+def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
+    """What summary.json holds; None where unknown. The run has at least one estimate."""
+    config, estimates = run.config, run.estimates
+    updates = [e.update for e in estimates if e.updated]
+    update_ms = 1e3 * np.array([update.duration for update in updates])
+    particles = np.array([update.info.n for update in updates])
+    duration = estimates[-1].t - estimates[0].t
+    found = [{**_pose(h.mean), "share": h.share} for h in estimates[-1].hypotheses]
+    summary = {
+        "version": __version__,
+        "map": config.map,
+        "log": config.log,
+        "seed": config.seed,
+        "filter": config.filter,
+        "sensor": config.sensor,
+        "motion": config.motion,
+        "scans": len(estimates),
+        "updates": len(updates),
+        "duration_s": duration,
+        "distance_m": _distance(run),
+        "realtime_factor": duration / run.wall_time if run.wall_time > 0.0 else None,
+        "update_ms": {
+            "median": float(np.median(update_ms)),
+            "p95": float(np.percentile(update_ms, 95.0)),
+            "max": float(update_ms.max()),
+        },
+        "particles": {"median": float(np.median(particles)), "max": int(particles.max())},
+        "ignored": dict(sorted(run.ignored.items())),
+        "final": {**_pose(estimates[-1].pose), "hypotheses": found},
+        "accuracy": None if accuracy is None else accuracy.to_dict(),
+    }
+    return {key: _known(value) for key, value in summary.items()}
+
+
+def _pose(pose: Pose) -> dict[str, float]:
+    return dict(zip(("x", "y", "theta"), map(float, pose), strict=True))
+
+
+def to_json(summary: dict[str, Any]) -> str:
+    """As text; JSON knows no NaN."""
+    return json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _distance(run: Run) -> float | None:
+    """Metres that the wheels measured from the first to the last estimate."""
+    wheels = run.wheels.trajectory
+    if wheels is None:
+        return None
+    path = wheels.at(np.array([e.t for e in run.estimates]))
+    step = np.diff(path[:, :2], axis=0)
+    return float(np.hypot(step[:, 0], step[:, 1]).sum())
+
+
+def _known(value: Any) -> Any:
+    """`value` with None in place of numbers that are none."""
+    if isinstance(value, dict):
+        return {key: _known(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_known(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,312 @@
+"""What holds for every registered part, whatever it is called: run over the registries."""
+
+import numpy as np
+import pytest
+
+from mcloc.draws import Draws
+from mcloc.errors import ConfigError
+from mcloc.events import Scan
+from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
+from mcloc.geometry import compose
+from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from mcloc.particles import Particles
+from mcloc.registry import parameters
+from mcloc.statespace import SE2
+
+ALL = [(kind, name) for kind, registry in REGISTRIES.items() for name in registry]
+SETTABLE = [
+    (kind, name, field.name)
+    for kind, name in ALL
+    for field in parameters(REGISTRIES[kind].get(name))
+]
+NUMERIC = [
+    (kind, name, field.name)
+    for kind, name in ALL
+    for field in parameters(REGISTRIES[kind].get(name))
+    if not isinstance(field.default, bool | str)
+]
+
+
+def field_of(kind, name, parameter):
+    return {f.name: f for f in parameters(REGISTRIES[kind].get(name))}[parameter]
+
+
+def grid():
+    cells = np.random.default_rng(0).choice([FREE, FREE, FREE, OCCUPIED, UNKNOWN], (40, 50))
+    return OccupancyGrid(cells.astype(np.int8), 0.1, np.array([-1.0, 2.0, 0.4]))
+
+
+def build(kind, name, **settings):
+    bound = (grid(),) if kind in ("sensor", "environment") else ()
+    return REGISTRIES[kind].make(name, *bound, **settings)
+
+
+def names(kind):
+    return pytest.mark.parametrize("name", list(REGISTRIES[kind]))
+
+
+@pytest.fixture
+def x():
+    """(3, 200): poses on and off the map."""
+    rng = np.random.default_rng(1)
+    return np.stack(
+        [rng.uniform(-4, 6, 200), rng.uniform(0, 9, 200), rng.uniform(-np.pi, np.pi, 200)]
+    )
+
+
+@pytest.fixture
+def z():
+    """A scan with every reading that is none."""
+    ranges = np.random.default_rng(2).uniform(0.1, 5.0, 90)
+    ranges[::9] = [np.nan, np.inf, -np.inf, 0.0, -2.0, 8.0, 81.9, np.nan, np.inf, 0.0]
+    return Scan(0.0, ranges, np.linspace(-1.5, 1.5, 90), 8.0, np.array([0.2, 0.0, 0.1]))
+
+
+# Parameters
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_every_part_has_a_docstring_and_valid_defaults(kind, name):
+    cls = REGISTRIES[kind].get(name)
+    assert cls.__doc__
+    assert not cls.__doc__.startswith(cls.__name__ + "(")  # a dataclass's own
+    part = build(kind, name)
+    for field in parameters(cls):
+        assert getattr(part, field.name) == field.default
+        assert type(getattr(part, field.name)) is type(field.default)
+
+
+@pytest.mark.parametrize(("kind", "name", "parameter"), SETTABLE)
+def test_every_parameter_has_a_unit_and_says_what_it_is(kind, name, parameter):
+    field = field_of(kind, name, parameter)
+    assert field.metadata["doc"].strip()
+    assert field.metadata["unit"] in {"", "m", "rad", "s", "m/m", "rad/m", "m/rad", "rad/rad"}
+
+
+def wrong_values(field):
+    limits = field.metadata
+    yield from (np.nan, np.inf, "many", None)
+    if np.isfinite(limits["low"]):
+        yield limits["low"] - 1
+    if np.isfinite(limits["above"]):
+        yield limits["above"]
+        yield limits["above"] - 1
+    if np.isfinite(limits["high"]):
+        yield limits["high"] * 2 + 1
+
+
+@pytest.mark.parametrize(("kind", "name", "parameter"), NUMERIC)
+def test_a_wrong_value_is_refused_by_name_and_range(kind, name, parameter):
+    field = field_of(kind, name, parameter)
+    finite = [
+        v for k, v in field.metadata.items() if k in ("low", "high", "above") and np.isfinite(v)
+    ]
+    assert finite, "a parameter without any limit can be anything"
+    for value in wrong_values(field):
+        with pytest.raises(ConfigError) as raised:
+            build(kind, name, **{parameter: value})
+        message = str(raised.value)
+        assert f".{parameter}" in message
+        assert "\n" not in message
+        if isinstance(value, float | int) and np.isfinite(value):
+            assert any(f"{limit:g}" in message for limit in finite)
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_an_unknown_parameter_is_refused_with_those_there_are(kind, name):
+    with pytest.raises(ConfigError, match="'no_such_thing'"):
+        build(kind, name, no_such_thing=1.0)
+
+
+@pytest.mark.parametrize("kind", REGISTRIES)
+def test_an_unknown_name_is_refused_with_those_there_are(kind):
+    with pytest.raises(ConfigError) as raised:
+        REGISTRIES[kind].get("no such part")
+    assert all(name in str(raised.value) for name in REGISTRIES[kind])
+
+
+# Motion models
+
+
+MOVES = [
+    np.array([0.5, 0.1, 0.3]),
+    np.array([-0.4, 0.0, 0.0]),
+    np.array([0.0, 0.0, -2.0]),
+    np.zeros(3),
+]
+
+
+@names("motion")
+@pytest.mark.parametrize("u", MOVES, ids=str)
+def test_motion_shapes_and_values(name, u, x):
+    motion = build("motion", name)
+    for moved in (motion.sample(x, u, Draws(1), 0), motion.sample_previous(x, u, Draws(1), 0)):
+        assert moved.shape == x.shape
+        assert np.isfinite(moved).all()
+        assert (np.abs(moved[2]) <= np.pi).all()
+    log_p = motion.log_density(motion.sample(x, u, Draws(1), 0), u, x)
+    assert log_p.shape == (200,)
+    assert np.isfinite(log_p).all()
+    far = motion.log_density(x + 100.0, u, x)
+    assert not np.isnan(far).any()
+    assert not (far == np.inf).any()
+    assert motion.log_pi(x, u).shape == (200,)
+    assert type(motion.doubted().doubted()) is type(motion)
+
+
+@names("motion")
+@pytest.mark.parametrize("way", ["sample", "sample_previous"])
+def test_motion_does_not_depend_on_chunks(name, way, x):
+    move = getattr(build("motion", name), way)
+    whole = move(x, MOVES[0], Draws(3, 2, 1), 40)
+    parts = [
+        move(np.ascontiguousarray(x[:, a:b]), MOVES[0], Draws(3, 2, 1), 40 + a)
+        for a, b in ((0, 1), (1, 77), (77, 200))
+    ]
+    assert np.array_equal(whole, np.concatenate(parts, axis=1))
+
+
+@names("motion")
+def test_motion_leaves_its_input_alone(name, x):
+    before = x.copy()
+    build("motion", name).sample(x, MOVES[0], Draws(1), 0)
+    assert np.array_equal(x, before)
+
+
+@names("motion")
+def test_steps_and_seeds_move_differently(name, x):
+    motion = build("motion", name)
+    found = [
+        motion.sample(x, MOVES[0], d, 0) for d in (Draws(1), Draws(2), Draws(1, 1), Draws(1, 0, 1))
+    ]
+    for k, a in enumerate(found):
+        assert not any((a == b).any() for b in found[k + 1 :])
+
+
+# Sensor models
+
+
+@names("sensor")
+def test_a_sensor_gives_a_number_or_minus_infinity(name, x, z):
+    sensor = build("sensor", name)
+    log_p = sensor.log_likelihood(x, z)
+    assert log_p.shape == (200,)
+    assert not np.isnan(log_p).any()
+    assert (log_p < np.inf).all()
+    assert np.ptp(log_p[np.isfinite(log_p)]) > 0.0
+    assert sensor.readings(z) > 0.0
+
+
+@names("sensor")
+def test_a_sensor_does_not_depend_on_chunks_or_order(name, x, z):
+    sensor = build("sensor", name)
+    whole = sensor.log_likelihood(x, z)
+    parts = [
+        sensor.log_likelihood(np.ascontiguousarray(x[:, a:b]), z) for a, b in ((0, 3), (3, 200))
+    ]
+    assert np.array_equal(whole, np.concatenate(parts))
+    order = np.random.default_rng(3).permutation(200)
+    shuffled = sensor.log_likelihood(np.ascontiguousarray(x[:, order]), z)
+    assert np.array_equal(whole[order], shuffled)
+
+
+@names("sensor")
+def test_a_sensor_does_not_depend_on_the_frame_of_the_map(name, x, z):
+    """Map and poses moved together: equal but for beams that end within rounding of a border of cells."""
+    here, frame = grid(), np.array([40.0, -25.0, 2.1])
+    there = OccupancyGrid(here.cells, here.resolution, compose(frame, here.origin))
+    moved = np.ascontiguousarray(compose(frame, x.T).T)
+    a = REGISTRIES["sensor"].make(name, here).log_likelihood(x, z)
+    b = REGISTRIES["sensor"].make(name, there).log_likelihood(moved, z)
+    # float32 knows a place on this map to 1e-5 cells: of 200 poses × 60 beams one or so may tip over.
+    assert np.mean(np.abs(a - b) > 1e-3) < 0.02
+
+
+# Environments
+
+
+@names("environment")
+def test_an_environment_samples_where_it_has_density(name, x):
+    places = build("environment", name)
+    found = places.sample(Draws(1), 0, 300)
+    assert found.shape == (3, 300)
+    assert np.isfinite(places.log_density(found)).all()
+    assert np.isfinite(places.log_prior(x)).all()
+    assert (places.log_prior(x) <= 0.0).all()
+    assert places.log_prior(found) == pytest.approx(0.0)
+    parts = [places.sample(Draws(1), 0, 7), places.sample(Draws(1), 7, 293)]
+    assert np.array_equal(found, np.concatenate(parts, axis=1))
+
+
+# Sizes and resamplers
+
+
+@names("size")
+@pytest.mark.parametrize("chunk", [1, 64, 5000])
+def test_a_size_does_not_depend_on_chunks(name, chunk):
+    """However many particles it wants of a belief: the same number whatever the chunks they come in."""
+    states = np.random.default_rng(4).normal(0.0, 0.1, (3, 40_000))
+    rule = build("size", name)
+    expected = rule.counter(SE2).enough(states, np.zeros(40_000))
+    assert 1 <= expected <= 40_000
+    assert rule.fixed in (None, expected)
+    counter, done, enough = rule.counter(SE2), 0, None
+    while enough is None:
+        part = np.ascontiguousarray(states[:, done : done + chunk])
+        enough = counter.enough(part, np.zeros(part.shape[1]))
+        done += part.shape[1]
+    assert done - part.shape[1] + enough == expected
+
+
+@names("resampler")
+@pytest.mark.parametrize("n", [None, 300])
+def test_a_resampler_gives_ancestors_whatever_the_chunk(name, n):
+    log_weights = np.random.default_rng(5).normal(0.0, 3.0, 100)
+    particles = Particles.normalized(np.zeros((3, 100)), log_weights)
+    ancestry = build("resampler", name)(particles, n, Draws(1, 1))
+    whole = ancestry.of(0, 300)
+    assert whole.shape == (300,)
+    assert np.issubdtype(whole.dtype, np.integer)
+    assert whole.min() >= 0
+    assert whole.max() < 100
+    assert np.array_equal(whole, np.concatenate([ancestry.of(0, 11), ancestry.of(11, 289)]))
+
+
+@names("resampler")
+def test_a_resampler_is_unbiased(name):
+    """Mean counts over 2000 seeds: at worst multinomial, variance n w (1 − w); 4.5 deviations."""
+    particles = Particles.normalized(np.zeros((3, 6)), np.log([0.4, 0.3, 0.15, 0.1, 0.05, 1e-12]))
+    counts, n = np.zeros(6), 20
+    for seed in range(2000):
+        counts += np.bincount(
+            build("resampler", name)(particles, n, Draws(seed, 1)).of(0, n), minlength=6
+        )
+    w = particles.weights
+    deviation = np.sqrt(n * w * (1.0 - w) / 2000)
+    assert (np.abs(counts / 2000 - n * w) <= 4.5 * deviation + 1e-3).all()
+
+
+# Whole filters
+
+
+@pytest.mark.parametrize("filter_name", FILTERS)
+@names("recovery")
+@pytest.mark.parametrize("size", list(REGISTRIES["size"]))
+def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):
+    """Three steps: weights sum to 1, states are finite, the belief given is left alone, a repeat is the same."""
+    built = Composition(filter_name, size=size, recovery=name).build(grid())
+    bel = built.start(built.environment, Draws(1))
+    for step in (1, 2, 3):
+        before = bel.particles.states.copy()
+        new, info = built.step(bel, MOVES[0], z, Draws(1, step))
+        again, _ = built.step(bel, MOVES[0], z, Draws(1, step))
+        assert np.array_equal(bel.particles.states, before)
+        assert np.array_equal(new.particles.states, again.particles.states)
+        assert np.array_equal(new.particles.log_weights, again.particles.log_weights)
+        assert np.isfinite(new.particles.states).all()
+        assert new.particles.weights.sum() == pytest.approx(1.0)
+        assert info.n == len(new.particles)
+        assert 1.0 <= info.ess <= info.n * (1.0 + 1e-9)
+        assert 0.0 <= info.alpha <= 1.0
+        assert 0.0 <= info.doubt <= 1.0
+        bel = new

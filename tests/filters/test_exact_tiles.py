@@ -1,0 +1,257 @@
+"""The particle filter on a corridor of tiles against Bayes' rule by enumeration.
+
+The robot stands on one of 11 tiles, tries to move, may slip, is stopped by the ends, and sees whether its tile
+is dark. What the filter knows of this is a MotionModel, a SensorModel and a uniform Environment on LINE.
+"""
+
+import numpy as np
+import pytest
+
+from mcloc.draws import Draws, Stream
+from mcloc.errors import FilterError
+from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
+from mcloc.filters.recovery import NoRecovery, RandomParticles
+from mcloc.particles import Particles
+from mcloc.proposals.forward import Forward
+from mcloc.resampling import Systematic, when_ess_below
+from mcloc.sample_size import KLD, Fixed
+from mcloc.statespace import LINE
+
+TILES = 11
+DARK = np.array([1, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1], dtype=bool)
+SLIPS = {-1: 0.1, 0: 0.7, 1: 0.2}  # tiles beside the one that was meant
+MOVES = (1, 2, 1, -3)
+SEEN = (True, False, True, False)
+UNIFORM = np.full(TILES, 1.0 / TILES)
+
+
+class Steps:
+    """A move by u tiles, with slips; the ends of the corridor stop the robot."""
+
+    def sample(self, x, u, draws, first):
+        chance = draws.uniform(Stream.MOTION, first, x.shape[1])[0]
+        slip = np.searchsorted(np.cumsum(list(SLIPS.values())), chance) - 1.0
+        return np.clip(x + u + slip, 0.0, TILES - 1.0)
+
+    def doubted(self):
+        return self
+
+
+class Colour:
+    """p(dark | tile), 0.9 for the right colour; an eye that says None sees nothing."""
+
+    def log_likelihood(self, x, z):
+        return np.log(likelihood(z))[x[0].astype(int)]
+
+    def readings(self, z):
+        return 1.0
+
+
+class Anywhere:
+    """Every tile as likely."""
+
+    def sample(self, draws, first, n):
+        return np.floor(TILES * draws.uniform(Stream.RANDOM_POSE, first, n)[:1])
+
+    def log_density(self, x):
+        return np.full(x.shape[1], -np.log(TILES))
+
+    def log_prior(self, x):
+        return np.zeros(x.shape[1])
+
+
+def likelihood(z):
+    return np.where(z == DARK, 0.9, 0.1)
+
+
+def exact(moves, seen, alpha):
+    """Bel by enumeration: dynamics (1 − α) p_d + α U, then Bayes' rule."""
+    transition = np.zeros((TILES, TILES))
+    bel = UNIFORM
+    for u, z in zip(moves, seen, strict=True):
+        transition[:] = 0.0
+        for tile in range(TILES):
+            for slip, p in SLIPS.items():
+                transition[tile, np.clip(tile + u + slip, 0, TILES - 1)] += p
+        bel = ((1.0 - alpha) * bel @ transition + alpha * UNIFORM) * likelihood(z)
+        bel /= bel.sum()
+    return bel
+
+
+def tile_filter(parts, recovery=None):
+    return ParticleFilter(
+        Steps(), Colour(), Anywhere(), tuple(parts), recovery or NoRecovery(), LINE
+    )
+
+
+def histogram(particles):
+    return np.bincount(particles.states[0].astype(int), particles.weights, TILES)
+
+
+def squared_errors(tiles, expected, repeats):
+    """(repeats,): Σ over tiles of the squared error of Bel, and the particles used a step."""
+    errors, used = np.empty(repeats), 0
+    for seed in range(repeats):
+        bel = tiles.start(Anywhere(), Draws(seed))
+        for step, (u, z) in enumerate(zip(MOVES, SEEN, strict=True), 1):
+            bel, info = tiles.step(bel, u, z, Draws(seed, step))
+            used += info.n
+        errors[seed] = np.sum((histogram(bel.particles) - expected) ** 2)
+    return errors, used / repeats / len(MOVES)
+
+
+def resampler(ess_below):
+    return Systematic() if ess_below == 1.0 else when_ess_below(ess_below, Systematic())
+
+
+def pinned(n):
+    """The way of adaptive sizes, which draw until they have enough, with n particles."""
+    return KLD(bin_length=1.0, minimum=n, maximum=n)
+
+
+@pytest.mark.parametrize("ess_below", [1.0, 0.6], ids=["always", "when-ess-below"])
+@pytest.mark.parametrize("alpha", [0.0, 0.3], ids=["plain", "random-particles"])
+@pytest.mark.parametrize("size", [Fixed, pinned])
+def test_errors_fall_as_root_n(falls_as_root_n, size, alpha, ess_below):
+    sizes, results = (64, 512, 4096), []
+    expected = exact(MOVES, SEEN, alpha)
+    recovery = RandomParticles(share=alpha)
+    for n in sizes:
+        part = Part(1.0, Forward(resampler(ess_below)), size(n))
+        errors, used = squared_errors(tile_filter([part], recovery), expected, 150)
+        assert used == n
+        results.append(errors)
+    falls_as_root_n(sizes, results)
+
+
+def test_errors_fall_as_root_n_where_kld_finds_the_size(falls_as_root_n):
+    sizes, results = [], []
+    expected = exact(MOVES, SEEN, 0.0)
+    for epsilon in (0.2, 0.02, 0.003):
+        rule = KLD(epsilon=epsilon, bin_length=1.0, minimum=10)
+        tiles = tile_filter([Part(1.0, Forward(Systematic()), rule)])
+        errors, used = squared_errors(tiles, expected, 150)
+        sizes.append(used)
+        results.append(errors)
+    assert sizes[-1] > 30 * sizes[0]
+    falls_as_root_n(sizes, results)
+
+
+def test_the_mean_weight_estimates_the_evidence():
+    """exp(log_evidence) is unbiased for p(z_1): the mean of 400 within 4.5 standard errors."""
+    tiles = tile_filter([Part(1.0, Forward(Systematic()), Fixed(100))])
+    found = []
+    for seed in range(400):
+        bel = tiles.start(Anywhere(), Draws(seed))
+        found.append(np.exp(tiles.step(bel, 1, True, Draws(seed, 1))[1].log_evidence))
+    transition = np.zeros(TILES)
+    for tile in range(TILES):
+        for slip, p in SLIPS.items():
+            transition[np.clip(tile + 1 + slip, 0, TILES - 1)] += p / TILES
+    expected = transition @ likelihood(True)
+    assert np.mean(found) == pytest.approx(expected, abs=4.5 * np.std(found) / 20.0)
+
+
+# Parts and normalization groups, with proposals that draw one tile each.
+
+
+class OneTile:
+    """Draws one tile alone, with a given weight."""
+
+    def __init__(self, tile, weight):
+        self.tile, self.weight = tile, weight
+
+    def prepare(self, target, n, draws):
+        def source(first, count):
+            with np.errstate(divide="ignore"):
+                return np.full((1, count), float(self.tile)), np.full(count, np.log(self.weight))
+
+        return source, n
+
+
+def one_step(parts):
+    tiles = tile_filter(parts)
+    bel = Belief(Particles.equal(np.zeros((1, 10))))
+    return histogram(tiles.step(bel, 0, True, Draws(1, 1))[0].particles)
+
+
+def test_parts_of_a_group_compete_by_evidence():
+    found = one_step([Part(0.7, OneTile(2, 1.0), Fixed(30)), Part(0.3, OneTile(5, 4.0), Fixed(70))])
+    assert found[[2, 5]] == pytest.approx([0.7 / 1.9, 1.2 / 1.9])
+
+
+def test_separate_groups_keep_their_share():
+    found = one_step(
+        [Part(0.7, OneTile(2, 1.0), Fixed(30), 0), Part(0.3, OneTile(5, 4.0), Fixed(70), 1)]
+    )
+    assert found[[2, 5]] == pytest.approx([0.7, 0.3])
+
+
+def test_groups_of_several_parts():
+    """Group 0 holds 0.6: its parts share it as 0.2 · 1 to 0.4 · 3."""
+    parts = [
+        Part(0.2, OneTile(1, 1.0), Fixed(10), 0),
+        Part(0.4, OneTile(2, 3.0), Fixed(25), 0),
+        Part(0.4, OneTile(3, 9.0), Fixed(5), 1),
+    ]
+    assert one_step(parts)[[1, 2, 3]] == pytest.approx([0.6 / 7.0, 0.6 * 6.0 / 7.0, 0.4])
+
+
+@pytest.mark.parametrize("groups", [(0, 0, 0), (0, 1, 2)])
+def test_a_part_without_weight_drops_out(groups):
+    """Its mass goes to the others, in proportion to theirs."""
+    parts = [
+        Part(phi, OneTile(tile, weight), Fixed(10), group)
+        for phi, tile, weight, group in zip(
+            (0.5, 0.3, 0.2), (1, 2, 3), (0.0, 2.0, 2.0), groups, strict=True
+        )
+    ]
+    assert one_step(parts)[[1, 2, 3]] == pytest.approx([0.0, 0.6, 0.4])
+
+
+@pytest.mark.parametrize("groups", [(0, 0), (0, 1)])
+def test_two_parts_of_the_same_proposal_are_one(groups):
+    """Both draw from the same q by numbers of their own: the belief is still that of Bayes.
+
+    Mean over 200 runs of 2 × 200 particles; each tile's error has a deviation below ½/√400, their mean
+    below ½/√80,000; 4.5 of them and a bias of order 1/400.
+    """
+    parts = [
+        Part(phi, Forward(Systematic()), Fixed(200), g)
+        for phi, g in zip((0.8, 0.2), groups, strict=True)
+    ]
+    tiles, total = tile_filter(parts), np.zeros(TILES)
+    for seed in range(200):
+        bel = tiles.start(Anywhere(), Draws(seed))
+        for step in (1, 2):
+            bel, info = tiles.step(bel, MOVES[step - 1], SEEN[step - 1], Draws(seed, step))
+        assert info.n == 400
+        total += histogram(bel.particles) / 200
+    assert total == pytest.approx(
+        exact(MOVES[:2], SEEN[:2], 0.0), abs=4.5 * 0.5 / np.sqrt(80_000) + 1 / 400
+    )
+
+
+def test_no_weight_at_all():
+    with pytest.raises(FilterError, match="weight"):
+        one_step(
+            [Part(0.5, OneTile(1, 0.0), Fixed(10), 0), Part(0.5, OneTile(2, 0.0), Fixed(10), 1)]
+        )
+
+
+@pytest.mark.parametrize("groups", [(0, 0), (0, 1)])
+def test_a_weight_that_is_not_a_number(groups):
+    parts = [
+        Part(0.5, OneTile(1, w), Fixed(10), g) for w, g in zip((1.0, np.nan), groups, strict=True)
+    ]
+    with pytest.raises(FilterError, match="NaN"):
+        one_step(parts)
+
+
+@pytest.mark.parametrize("ess_below", [1.0, 0.5])
+def test_info_says_whether_the_set_was_resampled(ess_below):
+    """Equal weights are kept below 1; sizes that do not change hide nothing."""
+    part = Part(1.0, Forward(resampler(ess_below)), Fixed(10))
+    bel = Belief(Particles.normalized(np.zeros((1, 10)), np.linspace(0.0, 0.5, 10)))
+    info = tile_filter([part]).step(bel, 0, True, Draws(1, 1))[1]
+    assert info.resampled == (ess_below == 1.0)

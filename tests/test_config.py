@@ -1,0 +1,101 @@
+"""A run's description: to YAML and back, complete, and strict about names."""
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcloc.config import RunConfig, limited, merged, read_entries
+from mcloc.errors import ConfigError, McLocError
+from mcloc.filters.catalog import REGISTRIES
+from mcloc.registry import parameters
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+poses = st.none() | st.tuples(finite, finite, finite)
+
+
+@given(
+    initial=poses,
+    mount=poses,
+    start=st.none() | st.floats(-1e9, 0.0),
+    seed=st.none() | st.integers(0, 2**64 - 1),
+    path=st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), min_size=1),
+    sigma_hit=st.floats(1e-12, 1e12),
+)
+def test_yaml_and_back(tmp_path_factory, initial, mount, start, seed, path, sigma_hit):  # type: ignore[no-untyped-def]
+    config = RunConfig(
+        path,
+        "log",
+        initial=initial,
+        mount=mount,
+        start=start,
+        seed=seed,
+        settings={"sensor": {"sigma_hit": sigma_hit}},
+    )
+    file = tmp_path_factory.mktemp("config") / "config.yaml"
+    for written in (config, config.resolved()):
+        file.write_text(written.to_yaml(), encoding="utf-8")
+        assert RunConfig(**read_entries(file)) == written
+
+
+def test_resolved_spells_everything_out() -> None:
+    config = RunConfig("m", "l", settings={"motion": {"alpha1": 0.5}}).resolved()
+    assert config.seed is not None
+    assert config.settings["motion"]["alpha1"] == 0.5
+    for kind, registry in REGISTRIES.items():
+        known = {f.name for f in parameters(registry.get(getattr(config, kind)))}
+        assert set(config.settings[kind]) == known
+    assert config.resolved() == config
+
+
+def test_text_becomes_what_the_parameter_is() -> None:
+    config = RunConfig("m", "l", settings={"size": {"minimum": "1e3"}, "update": {"angle": "1"}})
+    assert config.settings["size"]["minimum"] == 1000
+    assert isinstance(config.settings["size"]["minimum"], int)
+    assert config.policy.angle == 1.0
+    assert isinstance(config.policy.angle, float)
+
+
+def test_merging_keeps_what_is_not_overridden() -> None:
+    entries = {"map": "m", "seed": 1, "settings": {"sensor": {"sigma_hit": 0.1, "z_rand": 0.2}}}
+    over = {"seed": 2, "settings": {"sensor": {"z_rand": 0.3}}}
+    assert merged(entries, over) == {
+        "map": "m",
+        "seed": 2,
+        "settings": {"sensor": {"sigma_hit": 0.1, "z_rand": 0.3}},
+    }
+
+
+def test_an_exchanged_part_loses_its_settings() -> None:
+    entries = {"size": "kld", "settings": {"size": {"epsilon": 0.1}}}
+    assert merged(entries, {"size": "fixed"})["settings"] == {}
+    assert merged(entries, {"size": "kld"})["settings"] == {"size": {"epsilon": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("size", "particles", "expected"),
+    [
+        ("fixed", 10, {"particles": 10}),
+        ("kld", 10_000, {"maximum": 10_000}),
+        ("kld", 1, {"maximum": 1, "minimum": 1}),
+    ],
+)
+def test_limited(size: str, particles: int, expected: dict[str, int]) -> None:
+    assert limited({"size": size}, particles)["settings"]["size"] == expected
+
+
+def test_a_start_after_the_end_is_no_run() -> None:
+    for start, end in ((2.0, 1.0), (math.nan, None), (None, math.nan)):
+        with pytest.raises(ConfigError, match="after end"):
+            RunConfig("m", "l", start=start, end=end)
+
+
+@given(st.text() | st.binary().map(lambda raw: raw.decode("latin-1")))
+def test_any_file_is_read_or_refused(tmp_path_factory, text):  # type: ignore[no-untyped-def]
+    file: Path = tmp_path_factory.mktemp("fuzz") / "config.yaml"
+    file.write_text(text, encoding="utf-8", errors="replace")
+    with suppress(McLocError):
+        RunConfig(**{"map": "m", "log": "l", **read_entries(file)})

@@ -1,0 +1,60 @@
+"""Odometry poses read at the stamp of a scan."""
+
+import numpy as np
+import pytest
+
+from mcloc.events import Odometry
+from mcloc.odometry_buffer import OdometryBuffer
+
+
+def filled(*events, size=1000):
+    buffer = OdometryBuffer(size)
+    for t, *pose in events:
+        assert buffer.add(Odometry(t, np.array(pose))) == ""
+    return buffer
+
+
+def test_interpolates_between_neighbours_the_short_way_around():
+    buffer = filled((1.0, 0.0, 0.0, 3.0), (2.0, 4.0, 2.0, -3.0), (3.0, 5.0, 2.0, -3.0))
+    at = buffer.at(1.25, final=False)
+    assert at[:2] == pytest.approx([1.0, 0.5])
+    assert at[2] == pytest.approx(3.0 + 0.25 * (2.0 * np.pi - 6.0))
+    assert buffer.at(2.5, final=False) == pytest.approx([4.5, 2.0, -3.0])
+
+
+def test_a_stamp_of_its_own_is_read_as_it_is():
+    buffer = filled((1.0, 1.0, 2.0, 0.5), (2.0, 4.0, 2.0, 0.7))
+    assert buffer.at(1.0, final=False).tolist() == [1.0, 2.0, 0.5]
+    assert buffer.at(2.0, final=False).tolist() == [4.0, 2.0, 0.7]
+
+
+def test_waits_for_the_later_neighbour_unless_none_will_come():
+    buffer = filled((1.0, 1.0, 2.0, 0.5))
+    assert buffer.at(1.5, final=False) is None
+    assert buffer.at(1.5, final=True).tolist() == [1.0, 2.0, 0.5]
+
+
+def test_before_the_first_event_the_first_holds():
+    buffer = filled((1.0, 1.0, 2.0, 0.5), (2.0, 4.0, 2.0, 0.7))
+    assert buffer.at(0.0, final=False).tolist() == [1.0, 2.0, 0.5]
+
+
+@pytest.mark.parametrize("final", [False, True])
+def test_nothing_is_known_without_odometry(final):
+    assert OdometryBuffer().at(0.0, final) is None
+
+
+def test_what_is_left_out_and_why():
+    buffer = filled((1.0, 0.0, 0.0, 0.0), (2.0, 1.0, 0.0, 0.0))
+    zero = np.zeros(3)
+    assert buffer.add(Odometry(2.0, zero)) == "duplicate odometry"
+    assert buffer.add(Odometry(1.5, zero)) == "late odometry"
+    assert buffer.add(Odometry(np.nan, zero)) == "odometry not finite"
+    assert buffer.add(Odometry(3.0, np.array([0.0, np.inf, 0.0]))) == "odometry not finite"
+    assert buffer.at(2.0, final=False).tolist() == [1.0, 0.0, 0.0]
+
+
+def test_keeps_the_last_events_only():
+    buffer = filled(*((float(t), float(t), 0.0, 0.0) for t in range(10)), size=4)
+    assert buffer.at(7.5, final=False) == pytest.approx([7.5, 0.0, 0.0])
+    assert buffer.at(2.0, final=False) == pytest.approx([6.0, 0.0, 0.0])
