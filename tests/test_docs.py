@@ -2,17 +2,22 @@
 
 import ast
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from mcloc.cli.main import app
+from mcloc.report.tables import ESTIMATES
 from mcloc.simulation import office_drive, write_drive
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mcloc"
 CELL = re.compile(r"(?<!\\)\|")  # a bar of a table, not the \| of p(z \| x)
 PYTHON_BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"^\$ mcloc (.*)$", re.MULTILINE)
 LINK = re.compile(r"\[[^\]]*\]\(([^)#]+)(?:#[^)]*)?\)")
 
 
@@ -62,14 +67,39 @@ def test_every_equation_is_where_the_table_says() -> None:
         assert not missing, f"{row['equation']}: {file} does not define {missing}"
 
 
-def test_the_python_in_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder demo/ of `make demo`, after a shorter drive; its parent is where things run."""
+    write_drive(office_drive(seed=1, length=10.0), tmp_path / "demo")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "demo"
+
+
+def test_the_python_in_the_readme_runs(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = PYTHON_BLOCK.findall((ROOT / "README.md").read_text(encoding="utf-8"))
     assert blocks, "README.md shows no Python"
-    write_drive(office_drive(seed=3, length=10.0), tmp_path)
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.chdir(demo)
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), names)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("demo")
+@pytest.mark.parametrize("document", ["README.md", "docs/guide.md"])
+def test_the_commands_shown_run(document: str) -> None:
+    commands = COMMAND.findall((ROOT / document).read_text(encoding="utf-8"))
+    assert commands, f"{document} shows no commands"
+    for command in commands:
+        result = CliRunner().invoke(app, shlex.split(command))
+        assert result.exit_code == 0, f"mcloc {command}: {result.output}"
+
+
+def test_the_guide_names_every_column_of_the_estimates() -> None:
+    text = (ROOT / "docs/guide.md").read_text(encoding="utf-8")
+    table = text.split("Columns of `estimates.csv`:\n", maxsplit=1)[1].split("\n\n", maxsplit=1)[0]
+    named = [name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row)]
+    assert named == ESTIMATES.split(",")
 
 
 def block_of_architecture(heading: str) -> list[str]:
@@ -94,11 +124,11 @@ def test_the_architecture_shows_the_layers_that_are_held() -> None:
     assert shown == held
 
 
-@pytest.mark.parametrize(
-    "document", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/architecture.md"]
-)
-def test_links_lead_somewhere(document: str) -> None:
-    path = ROOT / document
+DOCUMENTS = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(path: Path) -> None:
     links = LINK.findall(path.read_text(encoding="utf-8"))
     local = [link for link in links if "://" not in link]
     assert not [link for link in local if not (path.parent / link).exists()]

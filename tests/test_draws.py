@@ -1,6 +1,6 @@
 """Draws: distributions, independence, and invariance to chunks.
 
-Seeds are fixed. A Kolmogorov–Smirnov test that is right fails with probability 1e-4 for a random seed.
+Seeds are fixed; for a random one a Kolmogorov–Smirnov test would fail with probability 1e-4.
 """
 
 import itertools

@@ -50,7 +50,7 @@ SPREADS = [(0.05, 0.05, 0.02), (0.5, 0.5, 0.3), (4.0, 0.15, 0.05), (0.05, 3.0, 0
 @pytest.mark.parametrize("sigma", SPREADS, ids=str)
 @pytest.mark.parametrize("turn", [0.0, 0.6])
 def test_one_elongated_belief_is_one_hypothesis(sigma, turn):
-    """With as many particles as KLD-sampling gives it; it holds what the NEES asks of one hypothesis."""
+    """With as many particles as KLD-sampling gives it, it holds what the NEES asks for, 95 %."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         x = cloud(rng, (0.0, 0.0, 0.3), sigma, 100_000)
@@ -68,7 +68,7 @@ def test_moments_are_those_of_the_particles():
     w = particles.weights
     assert h.share == pytest.approx(1.0)
     assert h.mean[:2] == pytest.approx(x[:2] @ w)
-    # For a spread of 0.05 rad circular and plain mean differ by a sixth of the third moment, < 1e-4.
+    # At 0.05 rad circular and plain mean differ by a sixth of the third moment, < 1e-4.
     assert h.mean[2] == pytest.approx(x[2] @ w, abs=1e-4)
     expected = np.cov(x, aweights=w, bias=True)
     assert h.covariance == pytest.approx(expected, abs=1e-4 * 0.01)
@@ -80,7 +80,7 @@ def test_headings_are_averaged_around_the_circle(heading):
     rng = np.random.default_rng(3)
     found = hypotheses(Particles.equal(cloud(rng, (0.0, 0.0, heading), (0.1, 0.1, 0.2))), SE2)
     assert len(found) == 1
-    # 4000 headings of deviation 0.2: the mean to 0.2/√4000 = 0.003, the variance to 0.04 √(2/4000) = 0.0009.
+    # 4000 headings, deviation 0.2: mean to 0.2/√4000 = 0.0032, variance to 0.04 √(2/4000) = 0.0009.
     assert wrap(found[0].mean[2] - heading) == pytest.approx(0.0, abs=4.5 * 0.0032)
     assert -np.pi < found[0].mean[2] <= np.pi
     assert found[0].covariance[2, 2] == pytest.approx(0.04, abs=4.5 * 0.0009)

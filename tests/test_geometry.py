@@ -73,13 +73,13 @@ def test_interpolation_takes_the_short_way_around():
 
 
 def test_transported_covariance_is_that_of_moved_poses():
-    """To first order: against 200,000 poses of deviation 0.01, whose covariance is known to 0.3 %."""
+    """To first order: against 200,000 poses of deviation 0.01: a covariance good to 0.3 %."""
     rng = np.random.default_rng(6)
     factor = 0.01 * np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [-0.3, 0.4, 1.0]])
     mean, u = np.array([3.0, -1.0, 2.0]), np.array([2.0, 0.5, 0.7])
     moved = compose(mean + rng.standard_normal((200_000, 3)) @ factor.T, u)
     result = transported(mean, factor @ factor.T, u)
     scale = np.sqrt(np.outer(np.diag(result), np.diag(result)))
-    # se of a covariance is at most √2 · scale / √N = 0.32 %; 5 of them, and 2nd-order terms of 1e-4.
+    # A covariance deviates by at most √(2/N) of its scale, 0.32 %: 5 of these, 2nd order is 1e-4.
     assert np.abs(np.cov(moved.T) - result).max() < 0.017 * scale.max()
     assert (np.abs(np.cov(moved.T) - result) < 0.017 * scale).all()

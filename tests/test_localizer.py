@@ -323,7 +323,7 @@ def test_tracks_a_robot_with_wheels_that_drift(room):
 
 
 def twin_corridors():
-    """Two closed corridors of 3.2 m × 1 m, one above the other, with the same niche; all else unknown."""
+    """Two closed corridors of 3.2 m × 1 m side by side, with the same niche; all else unknown."""
     cells = np.full((100, 88), UNKNOWN, dtype=np.int8)
     for bottom in (10, 55):
         for value, wall in ((OCCUPIED, 0), (FREE, 2)):
@@ -336,8 +336,8 @@ def twin_corridors():
 def test_two_identical_corridors_are_two_hypotheses():
     """Found from nothing: the true place and its twin, 2.25 m away, with half of the belief each.
 
-    What decides between twins is chance: how many particles fall near either before the filter knows
-    its place to a few centimetres. The share's deviation, measured over 12 seeds, is 0.035.
+    What decides between twins is chance: how many particles fall near either before the filter
+    knows its place to a few centimetres. The share's deviation, measured over 12 seeds, is 0.035.
     """
     twins = twin_corridors()
     many = Composition(size="fixed", settings={"size": {"particles": 600_000}})

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import pytest
 
 from mcloc.errors import ConfigError
-from mcloc.registry import Part, Registry, param, parameters, suggest, values
+from mcloc.registry import Configurable, Registry, param, parameters, suggest, values
 
 
 @dataclass(frozen=True)
-class Gadget(Part):
+class Gadget(Configurable):
     bound: object
     sigma: float = param(0.5, "m", "a deviation", above=0)
     share: float = param(0.1, "", "a share", low=0, high=1)

@@ -14,7 +14,7 @@ from mcloc.statespace import LINE, SE2
 @pytest.mark.parametrize("delta", [0.01, 0.1])
 @pytest.mark.parametrize("bins", [2, 3, 10, 100, 5000])
 def test_bound_is_that_of_fox(epsilon, delta, bins):
-    """IJRR 2003, and what it approximates: the χ² quantile [Wilson, Hilferty], to 1 % from 9 degrees on."""
+    """IJRR 2003, and what it approximates to 1 % from 9 degrees on: the χ² quantile."""
     bound = KLD(epsilon=epsilon, delta=delta).bound(bins)
     k, z = bins - 1, norm.ppf(1.0 - delta)
     fox = k / (2.0 * epsilon) * (1.0 - 2.0 / (9.0 * k) + np.sqrt(2.0 / (9.0 * k)) * z) ** 3
@@ -46,7 +46,7 @@ def feed(rule, space, states, chunk):
 SIDES = {"bin_length": 0.25, "bin_angle": 0.17}
 RULES = [
     KLD(**SIDES, epsilon=0.02),
-    KLD(**SIDES, epsilon=0.1, minimum=1),
+    KLD(**SIDES, epsilon=0.1, minimum=20),
     KLD(**SIDES, epsilon=0.1, minimum=3000),
     KLD(**SIDES, epsilon=0.02, minimum=10, maximum=700),
     Fixed(777),
@@ -71,7 +71,7 @@ def test_drawing_stops_at_the_exact_index_whatever_the_chunk(rule, chunk):
 
 
 def test_axes_have_the_sides_of_their_kind():
-    """Particles 0.3 apart: bins of 0.25 m are each a new one, bins of 1 m are shared by three or four."""
+    """Particles 0.3 m apart: bins of 0.25 m hold one each, bins of 1 m three or four."""
     states = 0.3 * np.arange(40.0)[None] + 0.01
     narrow, wide = (KLD(epsilon=1.0, delta=0.5, bin_length=b, minimum=1) for b in (0.25, 1.0))
     assert feed(narrow, LINE, states, 1) == stopping_index(states, narrow, np.array([0.25]))

@@ -31,4 +31,6 @@ class Gaussian:
         e = x - self.mean[:, None]
         e[2] = wrap(e[2])
         scaled = e / self.sigma[:, None]
-        return -0.5 * (scaled**2).sum(axis=0) - np.log(self.sigma * np.sqrt(2.0 * np.pi)).sum()
+        norm = float(np.log(self.sigma * np.sqrt(2.0 * np.pi)).sum())
+        density: LogWeights = -0.5 * (scaled**2).sum(axis=0) - norm
+        return density

@@ -1,7 +1,7 @@
 """Draws(seed, step, part): every random number as a function of where it is used.
 
-A number depends on (seed, step, part, stream, particle index) and on nothing else: not on threads, not on the
-size of the chunks in which particles are drawn, not on what was drawn before.
+A number depends on (seed, step, part, stream, particle index) and on nothing else: not on threads,
+not on the size of the chunks in which particles are drawn, not on what was drawn before.
 """
 
 from dataclasses import dataclass, replace

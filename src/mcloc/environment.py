@@ -1,4 +1,6 @@
-"""Where a robot can stand: p(x | m), and U(x), poses spread evenly over free cells and all headings."""
+"""Where a robot can stand: p(x | m), and U(x), poses spread evenly over free cells and all
+headings.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,15 +14,16 @@ from mcloc.geometry import compose
 from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.protocols import Environment
-from mcloc.registry import Part, Registry, param
+from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights, States
 
 
 @dataclass(frozen=True)
-class FreeSpace(Part):
+class FreeSpace(Configurable):
     """A robot stands on free cells. As a density: uniform over free cells × (−π, π], per m² rad.
 
-    p(x | m) is 1 on a free cell; maps err, so it is not 0 elsewhere. Raises MapError for a map without free cells.
+    p(x | m) is 1 on a free cell; maps err, so it is not 0 elsewhere. Raises MapError for a map
+    without free cells.
     """
 
     grid: OccupancyGrid
@@ -32,7 +35,7 @@ class FreeSpace(Part):
         cells = np.flatnonzero(self.grid.free)
         if len(cells) == 0:
             raise MapError(
-                f"{self.grid.name}: no free cell to stand on; check free_thresh and negate in its YAML"
+                f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
         return cells
 

@@ -1,4 +1,6 @@
-"""From a sample set to an answer: hypotheses, most likely first, each with mean, covariance and share."""
+"""From a sample set to an answer: hypotheses, most likely first, each with mean, covariance and
+share.
+"""
 
 import itertools
 from dataclasses import dataclass
@@ -23,8 +25,8 @@ LEAST_SHARE = 0.01  # smaller ones are counted with no hypothesis, unless there 
 class Hypothesis:
     """One place where the robot may be.
 
-    mean: (D,) circular in angles; for a robot x, y in m and θ in rad, map frame. covariance: (D, D) of the
-    particles around it. share: its part of the belief, 0 … 1.
+    mean: (D,) circular in angles; for a robot x, y in m and θ in rad, map frame. covariance: (D, D)
+    of the particles around it. share: its part of the belief, 0 … 1.
     """
 
     mean: NDArray[np.float64]
@@ -35,7 +37,8 @@ class Hypothesis:
 def hypotheses(particles: Particles, space: StateSpace) -> tuple[Hypothesis, ...]:
     """The modes of a belief, largest share first; at least one.
 
-    A mode is a hill of the belief's smoothed histogram. The mean of two modes, which may lie in a wall, is never taken.
+    A mode is a hill of the belief's smoothed histogram. The mean of two modes, which may lie in a
+    wall, is never taken.
     """
     labels = cluster(particles, space)
     count = int(labels.max()) + 1

@@ -26,11 +26,11 @@ class Scan:
     """One sweep of a range finder.
 
     t: seconds. ranges: (B,) metres; anything that is not a return (NaN, inf, ≤ 0, ≥ range_max)
-    stays as the log has it, the sensor model decides. angles: (B,) radians in the sensor's frame, 0 ahead,
-    positive to the left. range_max: metres, a reading at or above it is no return.
-    mount: (3,) the sensor's pose in the robot's frame. odometry: (3,) the odometry pose that the log
-    itself gives for the moment of the scan, or None: then it is interpolated to t. novelty: 0 … 1, how much of
-    it is news after the last scan that was used; the runtime sets it.
+    stays as the log has it, the sensor model decides. angles: (B,) radians in the sensor's frame, 0
+    ahead, positive to the left. range_max: metres, a reading at or above it is no return. mount:
+    (3,) the sensor's pose in the robot's frame. odometry: (3,) the odometry pose that the log
+    itself gives for the moment of the scan, or None: then it is interpolated to t. novelty: 0 … 1,
+    how much of it is news after the last scan that was used; the runtime sets it.
     """
 
     t: float
@@ -48,8 +48,9 @@ Event = Odometry | Scan
 class Log(Protocol):
     """A recorded log: iterate over it to get its events, in the order of the file, streaming.
 
-    Iterating again starts again. Raises LogError in mid-stream where the file is cut or spoilt: events before
-    the damage have been delivered. `skipped` counts, by reason, what the last iteration left out.
+    Iterating again starts again. Raises LogError in mid-stream where the file is cut or spoilt:
+    events before the damage have been delivered. `skipped` counts, by reason, what the last
+    iteration left out.
     """
 
     path: str

@@ -16,7 +16,8 @@ Poses = NDArray[np.float64]
 def wrap(angle: ArrayLike) -> NDArray[np.float64]:
     """The same angle in (−π, π]."""
     a = np.asarray(angle, dtype=np.float64)
-    return np.pi - np.mod(np.pi - a, 2.0 * np.pi)
+    wrapped: NDArray[np.float64] = np.pi - np.mod(np.pi - a, 2.0 * np.pi)
+    return wrapped
 
 
 def compose(a: ArrayLike, b: ArrayLike) -> Poses:
@@ -64,7 +65,9 @@ def interpolate(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Poses:
 
 
 def transported(a: ArrayLike, covariance: ArrayLike, u: ArrayLike) -> NDArray[np.float64]:
-    """(3, 3): the covariance of a ⊕ u for a known u, to first order: J Σ Jᵀ with J = ∂(a ⊕ u)/∂a."""
+    """(3, 3): the covariance of a ⊕ u for a known u, to first order: J Σ Jᵀ, J = ∂(a ⊕ u)/∂a."""
     moved = compose(a, u) - np.asarray(a, dtype=np.float64)
     jacobian = np.array([[1.0, 0.0, -moved[1]], [0.0, 1.0, moved[0]], [0.0, 0.0, 1.0]])
-    return np.einsum("ij,jk,lk->il", jacobian, np.asarray(covariance, dtype=np.float64), jacobian)
+    sigma = np.asarray(covariance, dtype=np.float64)
+    carried: NDArray[np.float64] = np.einsum("ij,jk,lk->il", jacobian, sigma, jacobian)
+    return carried

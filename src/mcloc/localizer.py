@@ -4,8 +4,7 @@ import secrets
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,16 +19,18 @@ from mcloc.filters.particle_filter import Belief, StepInfo
 from mcloc.geometry import Pose, between, compose, transported
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.odometry_buffer import OdometryBuffer
-from mcloc.registry import Part, param
+from mcloc.registry import Configurable, param
 from mcloc.sensors.likelihood_field import is_return
 
-
+INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 LEAST_NOVELTY = 0.05  # of a scan from the same place: the sensor's own noise is new
 
 
 @dataclass(frozen=True)
-class UpdatePolicy(Part):
-    """When a scan is used: after the robot has moved this far or turned this much since the last one."""
+class UpdatePolicy(Configurable):
+    """When a scan is used: after the robot has moved this far or turned this much since the last
+    one.
+    """
 
     distance: float = param(0.2, "m", "update after driving this far", low=0)
     angle: float = param(0.2, "rad", "update after turning this far", low=0)
@@ -44,8 +45,8 @@ class UpdatePolicy(Part):
     def novelty(self, u: NDArray[np.float64]) -> float:
         """How much of a scan after the move u is news, LEAST_NOVELTY … 1.
 
-        Scans from nearly the same place meet the same people, doors and errors of the map: ten scans on one
-        metre say little more than two.
+        Scans from nearly the same place meet the same people, doors and errors of the map: ten
+        scans on one metre say little more than two.
         """
         moved = np.hypot(u[0], u[1]) + self.decorrelation * abs(u[2])
         return float(np.clip(moved / self.decorrelation, LEAST_NOVELTY, 1.0))
@@ -55,8 +56,9 @@ class UpdatePolicy(Part):
 class Update:
     """What the filter found at its last update.
 
-    info: of the filter's step. hypotheses: at the time of the update. explained: share of the scan's returns that end
-    near a wall at the best hypothesis, NaN without returns. duration: seconds of computing.
+    info: of the filter's step. hypotheses: at the time of the update. explained: share of the
+    scan's returns that end near a wall at the best hypothesis, NaN without returns. duration:
+    seconds of computing.
     """
 
     info: StepInfo
@@ -69,8 +71,9 @@ class Update:
 class Estimate:
     """Where the robot is at the stamp of a scan, map frame.
 
-    t: seconds. hypotheses: most likely first, carried along by odometry since the update. update: the last one.
-    updated: whether it was made with this very scan. likelihood_fast, likelihood_slow: short and long average of the likelihood per reading.
+    t: seconds. hypotheses: most likely first, carried along by odometry since the update. update:
+    the last one. updated: whether it was made with this very scan. likelihood_fast,
+    likelihood_slow: short and long average of the likelihood per reading.
     """
 
     t: float
@@ -94,9 +97,10 @@ class Estimate:
 class Localizer:
     """Localizes one robot on one map.
 
-    grid: the map. filter: a name of the catalog or a Composition of parts. seed: 0 … 2⁶⁴ − 1; None takes
-    a fresh one, to be read from `seed`. initial: (3,) start pose in the map frame (m, m, rad), or None to start from nothing (global
-    localization). initial_sigma: (3,) its standard deviations. Raises McLocError for anything that cannot be right.
+    grid: the map. filter: a name of the catalog or a Composition of parts. seed: 0 … 2⁶⁴ − 1; None
+    takes a fresh one, to be read from `seed`. initial: (3,) start pose in the map frame (m, m,
+    rad), or None to start from nothing (global localization). initial_sigma: (3,) its standard
+    deviations. Raises McLocError for anything that cannot be right.
     """
 
     def __init__(
@@ -106,13 +110,13 @@ class Localizer:
         *,
         seed: int | None = None,
         initial: ArrayLike | None = None,
-        initial_sigma: ArrayLike = (0.5, 0.5, np.deg2rad(15.0)),
-        policy: UpdatePolicy = UpdatePolicy(),
+        initial_sigma: ArrayLike = INITIAL_SIGMA,
+        policy: UpdatePolicy | None = None,
     ) -> None:
         composition = Composition(filter=filter) if isinstance(filter, str) else filter
         self.grid = grid
         self.seed = secrets.randbits(32) if seed is None else seed
-        self.policy = policy
+        self.policy = policy or UpdatePolicy()
         self.filter = composition.build(grid)
         self.ignored: Counter[str] = Counter()
         start = (
@@ -138,8 +142,8 @@ class Localizer:
     def process(self, event: Event) -> list[Estimate]:
         """Take one event in; the estimates that it makes possible.
 
-        A scan without an odometry pose of its own waits for the first odometry at or after its stamp.
-        Events that come late, twice or broken are left out and counted in `ignored`.
+        A scan without an odometry pose of its own waits for the first odometry at or after its
+        stamp. Events that come late, twice or broken are left out and counted in `ignored`.
         """
         if isinstance(event, Odometry):
             reason = self._odometry.add(event)
@@ -219,20 +223,23 @@ def start_density(grid: OccupancyGrid, pose: ArrayLike, sigma: ArrayLike) -> Gau
     """The belief of somebody who was told a pose. Raises ConfigError where a robot cannot stand."""
     mean, deviation = np.asarray(pose, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
     if mean.shape != (3,) or not np.isfinite(mean).all():
-        raise ConfigError(f"the initial pose must be three finite numbers x, y, θ, got {pose}")
+        raise ConfigError(f"the initial pose must be three finite numbers x, y, θ, got {pose!r}")
     if deviation.shape != (3,) or not (np.isfinite(deviation).all() and (deviation > 0).all()):
-        raise ConfigError(f"the initial sigma must be three numbers > 0 (m, m, rad), got {sigma}")
+        raise ConfigError(f"the initial sigma must be three numbers > 0 (m, m, rad), got {sigma!r}")
     place = grid.state_at(mean)
     if place in ("outside", "occupied"):
         where = "outside the map" if place == "outside" else "inside a wall"
         raise ConfigError(
-            f"the initial pose ({mean[0]:g}, {mean[1]:g}) m is {where} {grid.name}, which covers {grid.extent()}"
+            f"the initial pose ({mean[0]:g}, {mean[1]:g}) m is {where} {grid.name}, "
+            f"which covers {grid.extent()}"
         )
     return Gaussian(mean, deviation)
 
 
 def _carried(h: Hypothesis, u: NDArray[np.float64]) -> Hypothesis:
-    """A hypothesis after the move u, its covariance turned along; the noise of the move waits for the next update."""
+    """A hypothesis after the move u, its covariance turned along; the noise of the move waits for
+    the next update.
+    """
     if not u.any():
         return h
     return replace(h, mean=compose(h.mean, u), covariance=transported(h.mean, h.covariance, u))

@@ -12,7 +12,8 @@ from mcloc.statespace import LogWeights, States
 
 @dataclass(frozen=True, eq=False)
 class Particles:
-    """A weighted sample set. states: (D, N). log_weights: (N,), normalized: their exponentials sum to 1.
+    """A weighted sample set. states: (D, N). log_weights: (N,), normalized: their exponentials sum
+    to 1.
 
     Make one with `normalized`, the one place where weights are normalized.
     """
@@ -22,7 +23,9 @@ class Particles:
 
     @classmethod
     def normalized(cls, states: States, log_weights: LogWeights) -> "Particles":
-        """Particles whose weights sum to 1. Raises FilterError on NaN, or where every weight is 0."""
+        """Particles whose weights sum to 1. Raises FilterError on NaN, or where every weight is
+        0.
+        """
         total = log_sum_exp(log_weights)
         if not np.isfinite(total):
             raise FilterError(
@@ -39,13 +42,14 @@ class Particles:
         return cls(np.ascontiguousarray(states), np.full(n, -np.log(n)))
 
     def __len__(self) -> int:
-        return self.states.shape[1]
+        return int(self.states.shape[1])
 
     @cached_property
     def weights(self) -> NDArray[np.float64]:
         """(N,): sum to 1."""
-        w = np.exp(self.log_weights)
-        return w / w.sum()
+        w: NDArray[np.float64] = np.exp(self.log_weights)
+        w /= w.sum()
+        return w
 
     @cached_property
     def ess(self) -> float:

@@ -16,7 +16,9 @@ class MotionModel(Protocol):
     """p(x_t | u_t, x_{t−1}). What u is, each model says."""
 
     def sample(self, x: States, u: Any, draws: Draws, first: int) -> States:
-        """(D, n): a successor for each column of x, which are the particles first … first + n − 1."""
+        """(D, n): a successor for each column of x, which are the particles first … first + n −
+        1.
+        """
 
     def log_density(self, x_new: States, u: Any, x: States) -> LogWeights:
         """(n,): log p(x_new | u, x), column by column."""

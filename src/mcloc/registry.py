@@ -1,7 +1,7 @@
 """One mechanism: name -> part, with its parameters, units, defaults and limits.
 
-A part is a frozen dataclass; those of its fields that are made with `param` are its parameters. Everything that
-lists, sets, checks or records parameters reads them from here.
+A part is a frozen dataclass; those of its fields that are made with `param` are its parameters.
+Everything that lists, sets, checks or records parameters reads them from here.
 """
 
 import dataclasses
@@ -41,7 +41,7 @@ def values(part: Any) -> dict[str, Value]:
     return {f.name: getattr(part, f.name) for f in parameters(part)}
 
 
-class Part:
+class Configurable:
     """Base of every registered part: checks its parameters when it is built."""
 
     def __post_init__(self) -> None:
@@ -53,7 +53,8 @@ class Part:
 
 def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
     """`value` in the type of the field's default. Raises ConfigError if it cannot be right."""
-    kind, limits = type(field.default), field.metadata
+    kind: type = type(field.default)
+    limits = field.metadata
     where = f"{owner}.{field.name}"
     if kind is bool or kind is str:
         if not isinstance(value, kind):
@@ -62,7 +63,8 @@ def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
             raise ConfigError(
                 f"{where} must be one of {', '.join(limits['choices'])}, got {value!r}"
             )
-        return value
+        checked: Value = value
+        return checked
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ConfigError(f"{where} must be a number, got {value!r}")
     if kind is int and value != int(value):
@@ -71,7 +73,7 @@ def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
         raise ConfigError(
             f"{where} = {value} {limits['unit']}".rstrip() + f" must be {_range(limits)}"
         )
-    return kind(value)
+    return int(value) if kind is int else float(value)
 
 
 def _range(limits: Mapping[str, Any]) -> str:
@@ -99,7 +101,9 @@ class Registry(Generic[T]):
         return self.parts[name]
 
     def make(self, name: str, *bound: Any, **settings: Any) -> T:
-        """Build a part: `bound` goes to its leading fields (the map), `settings` to its parameters."""
+        """Build a part: `bound` goes to its leading fields (the map), `settings` to its
+        parameters.
+        """
         cls = self.get(name)
         known = {f.name for f in parameters(cls)}
         for key in settings:

@@ -7,12 +7,12 @@ from scipy.special import ndtri
 
 from mcloc.kernels.bins import BinCounter
 from mcloc.protocols import Counter, SampleSize
-from mcloc.registry import Part, Registry, param
+from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights, States, StateSpace
 
 
 @dataclass(frozen=True)
-class Fixed(Part):
+class Fixed(Configurable):
     """Always n particles."""
 
     particles: int = param(5000, "", "number of particles", low=1, high=1e8)
@@ -39,8 +39,9 @@ class _Until:
 
 
 @dataclass(frozen=True)
-class KLD(Part):
-    """KLD-sampling [Fox: Adapting the sample size in particle filters through KLD-sampling, IJRR 2003].
+class KLD(Configurable):
+    """KLD-sampling [Fox: Adapting the sample size in particle filters through KLD-sampling, IJRR
+    2003].
 
     Draws until, with probability 1 − δ, the Kullback–Leibler distance between the
     sample set and the true predictive density over k occupied bins is below ε:

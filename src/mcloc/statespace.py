@@ -1,4 +1,6 @@
-"""StateSpace: what the axes of a state are. Densities, bins and resampling know no more than this."""
+"""StateSpace: what the axes of a state are. Densities, bins and resampling know no more than
+this.
+"""
 
 from dataclasses import dataclass
 

@@ -12,8 +12,8 @@ def _fit(
 ) -> tuple[float, float]:
     """Slope of log RMS over log N by least squares, and its standard error.
 
-    squared_errors: those of independent repeats, for each size. The log of the root of their mean has, to
-    first order, deviation ½ · std / (mean · √repeats); the slope is a weighted sum of these logs.
+    squared_errors: those of independent repeats, for each size. The log of the root of their mean
+    has, to first order, deviation ½ · std / (mean · √repeats); the slope is a weighted sum.
     """
     logs = np.log(sizes)
     rms = np.array([0.5 * np.log(e.mean()) for e in squared_errors])
@@ -24,9 +24,9 @@ def _fit(
 
 @pytest.fixture
 def falls_as_root_n() -> Callable[[Sequence[float], Sequence[NDArray[np.float64]]], None]:
-    """Asserts that the fitted slope is −½ within 3.5 of its standard errors, and that these tell it from 0 and −1.
+    """Asserts that the fitted slope is −½ within 3.5 of its standard errors.
 
-    A right filter fails for 1 of 2000 seeds.
+    These must be small enough to tell −½ from 0 and −1. A right filter fails for 1 of 2000 seeds.
     """
 
     def check(sizes: Sequence[float], squared_errors: Sequence[NDArray[np.float64]]) -> None:

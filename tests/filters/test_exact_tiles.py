@@ -1,7 +1,8 @@
 """The particle filter on a corridor of tiles against Bayes' rule by enumeration.
 
-The robot stands on one of 11 tiles, tries to move, may slip, is stopped by the ends, and sees whether its tile
-is dark. What the filter knows of this is a MotionModel, a SensorModel and a uniform Environment on LINE.
+The robot stands on one of 11 tiles, tries to move, may slip, is stopped by the ends, and sees
+whether its tile is dark. What the filter knows of this is a MotionModel, a SensorModel and a
+uniform Environment on LINE.
 """
 
 import numpy as np
@@ -65,17 +66,17 @@ def likelihood(z):
 
 
 def exact(moves, seen, alpha):
-    """Bel by enumeration: dynamics (1 − α) p_d + α U, then Bayes' rule."""
-    transition = np.zeros((TILES, TILES))
-    bel = UNIFORM
+    """Bel and p(z_1 … z_t) by enumeration: dynamics (1 − α) p_d + α U, then Bayes' rule."""
+    bel, evidence = UNIFORM, 1.0
     for u, z in zip(moves, seen, strict=True):
-        transition[:] = 0.0
+        transition = np.zeros((TILES, TILES))
         for tile in range(TILES):
             for slip, p in SLIPS.items():
                 transition[tile, np.clip(tile + u + slip, 0, TILES - 1)] += p
-        bel = ((1.0 - alpha) * bel @ transition + alpha * UNIFORM) * likelihood(z)
-        bel /= bel.sum()
-    return bel
+        joint = ((1.0 - alpha) * bel @ transition + alpha * UNIFORM) * likelihood(z)
+        evidence *= joint.sum()
+        bel = joint / joint.sum()
+    return bel, evidence
 
 
 def tile_filter(parts, recovery=None):
@@ -114,7 +115,7 @@ def pinned(n):
 @pytest.mark.parametrize("size", [Fixed, pinned])
 def test_errors_fall_as_root_n(falls_as_root_n, size, alpha, ess_below):
     sizes, results = (64, 512, 4096), []
-    expected = exact(MOVES, SEEN, alpha)
+    expected, _ = exact(MOVES, SEEN, alpha)
     recovery = RandomParticles(share=alpha)
     for n in sizes:
         part = Part(1.0, Forward(resampler(ess_below)), size(n))
@@ -126,7 +127,7 @@ def test_errors_fall_as_root_n(falls_as_root_n, size, alpha, ess_below):
 
 def test_errors_fall_as_root_n_where_kld_finds_the_size(falls_as_root_n):
     sizes, results = [], []
-    expected = exact(MOVES, SEEN, 0.0)
+    expected, _ = exact(MOVES, SEEN, 0.0)
     for epsilon in (0.2, 0.02, 0.003):
         rule = KLD(epsilon=epsilon, bin_length=1.0, minimum=10)
         tiles = tile_filter([Part(1.0, Forward(Systematic()), rule)])
@@ -137,19 +138,22 @@ def test_errors_fall_as_root_n_where_kld_finds_the_size(falls_as_root_n):
     falls_as_root_n(sizes, results)
 
 
-def test_the_mean_weight_estimates_the_evidence():
-    """exp(log_evidence) is unbiased for p(z_1): the mean of 400 within 4.5 standard errors."""
-    tiles = tile_filter([Part(1.0, Forward(Systematic()), Fixed(100))])
-    found = []
-    for seed in range(400):
-        bel = tiles.start(Anywhere(), Draws(seed))
-        found.append(np.exp(tiles.step(bel, 1, True, Draws(seed, 1))[1].log_evidence))
-    transition = np.zeros(TILES)
-    for tile in range(TILES):
-        for slip, p in SLIPS.items():
-            transition[np.clip(tile + 1 + slip, 0, TILES - 1)] += p / TILES
-    expected = transition @ likelihood(True)
-    assert np.mean(found) == pytest.approx(expected, abs=4.5 * np.std(found) / 20.0)
+@pytest.mark.parametrize("ess_below", [1.0, 0.6], ids=["always", "when-ess-below"])
+@pytest.mark.parametrize("alpha", [0.0, 0.3], ids=["plain", "random-particles"])
+@pytest.mark.parametrize("size", [Fixed, pinned])
+def test_the_mean_weights_estimate_the_evidence(size, alpha, ess_below):
+    """Π exp(log_evidence) is unbiased for p(z_1 … z_4) [Del Moral]; mean of 300, 4.5 deviations."""
+    part = Part(1.0, Forward(resampler(ess_below)), size(100))
+    tiles, found = tile_filter([part], RandomParticles(share=alpha)), []
+    for seed in range(300):
+        bel, total = tiles.start(Anywhere(), Draws(seed)), 0.0
+        for step, (u, z) in enumerate(zip(MOVES, SEEN, strict=True), 1):
+            bel, info = tiles.step(bel, u, z, Draws(seed, step))
+            total += info.log_evidence
+        found.append(np.exp(total))
+    expected = exact(MOVES, SEEN, alpha)[1]
+    assert np.std(found) < expected
+    assert np.mean(found) == pytest.approx(expected, abs=4.5 * np.std(found) / np.sqrt(300))
 
 
 # Parts and normalization groups, with proposals that draw one tile each.
@@ -213,8 +217,8 @@ def test_a_part_without_weight_drops_out(groups):
 def test_two_parts_of_the_same_proposal_are_one(groups):
     """Both draw from the same q by numbers of their own: the belief is still that of Bayes.
 
-    Mean over 200 runs of 2 × 200 particles; each tile's error has a deviation below ½/√400, their mean
-    below ½/√80,000; 4.5 of them and a bias of order 1/400.
+    Mean over 200 runs of 2 × 200 particles; each tile's error has a deviation below ½/√400, their
+    mean below ½/√80,000; 4.5 of them and a bias of order 1/400.
     """
     parts = [
         Part(phi, Forward(Systematic()), Fixed(200), g)
@@ -227,9 +231,8 @@ def test_two_parts_of_the_same_proposal_are_one(groups):
             bel, info = tiles.step(bel, MOVES[step - 1], SEEN[step - 1], Draws(seed, step))
         assert info.n == 400
         total += histogram(bel.particles) / 200
-    assert total == pytest.approx(
-        exact(MOVES[:2], SEEN[:2], 0.0), abs=4.5 * 0.5 / np.sqrt(80_000) + 1 / 400
-    )
+    expected, _ = exact(MOVES[:2], SEEN[:2], 0.0)
+    assert total == pytest.approx(expected, abs=4.5 * 0.5 / np.sqrt(80_000) + 1 / 400)
 
 
 def test_no_weight_at_all():

@@ -62,7 +62,7 @@ def hills_in_a_row(density, valley):
 
 @pytest.mark.parametrize("valley", [0.2, 0.5, 0.8])
 def test_hills_are_the_peaks_that_stand_out(valley):
-    """A peak p is a hill of its own where the highest pass to something higher is below valley · p."""
+    """A peak p is a hill of its own where the highest pass to a higher one is below valley · p."""
     for seed in range(30):
         density = np.random.default_rng(seed).random(60)
         padded = np.pad(density, 1)

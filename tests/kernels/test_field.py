@@ -13,7 +13,7 @@ CELL = 0.07
 
 
 def expected_sum(grid, values, x, points):
-    """Σ values[cell], the cell clamped to the ring around the map; and how near to a border any point came."""
+    """Σ values[cell], off the map that of the ring; and how near to a border any point came."""
     total, margin = np.zeros(x.shape[1]), np.inf
     for i, pose in enumerate(x.T):
         for point in points:

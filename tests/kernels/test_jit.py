@@ -49,7 +49,8 @@ def test_numbers_do_not_depend_on_threads(set_threads):
 def test_kernels_are_right_without_the_jit_too():
     """The same tests as plain Python, where NumPy warns of the overflow that a hash is made of."""
     here = Path(__file__).parent
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here)]
+    compiling = f"--ignore={here / 'test_compiling.py'}"  # there is nothing to compile
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here), compiling]
     run = subprocess.run(
         [*command, "-W", "ignore:overflow encountered in scalar multiply:RuntimeWarning"],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
@@ -59,3 +60,31 @@ def test_kernels_are_right_without_the_jit_too():
         check=False,
     )
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
+
+
+ONE_RUN = """
+import importlib, pkgutil
+import numpy as np
+import mcloc.kernels
+from mcloc.events import Scan
+from mcloc.localizer import Localizer
+from mcloc.maps.occupancy import OccupancyGrid
+
+grid = OccupancyGrid(np.pad(np.zeros((20, 20)), 2, constant_values=100), 0.1, np.zeros(3))
+ranges, angles = np.full(9, 1.0), np.linspace(-1, 1, 9)
+scans = [Scan(t, ranges, angles, 8.0, odometry=np.full(3, t)) for t in (0.0, 1.0)]
+assert len(list(Localizer(grid, seed=1).run(scans))) == 2
+for module in pkgutil.iter_modules(mcloc.kernels.__path__):
+    for name, value in vars(importlib.import_module(f"mcloc.kernels.{module.name}")).items():
+        if len(getattr(value, "signatures", ())) > 1:
+            print(name, value.signatures)
+"""
+
+
+@pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
+def test_every_kernel_is_compiled_once():
+    """A second signature costs a second compilation of seconds at the first run."""
+    run = subprocess.run(
+        [sys.executable, "-c", ONE_RUN], capture_output=True, text=True, check=True
+    )
+    assert run.stdout == ""

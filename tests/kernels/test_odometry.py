@@ -39,7 +39,7 @@ def test_applied_and_undone_moves_are_those_of_se2():
     new, old = np.empty((3, 60)), np.empty((3, 60))
     apply_moves(x, moves, new, 0, 60)
     undo_moves(x, moves, old, 0, 60)
-    assert new.T == pytest.approx(compose(x.T, moves.T))
+    assert np.allclose(new.T, compose(x.T, moves.T))
     turns = moves.T.copy()
     turns[:, 2] = np.arctan2(np.sin(moves[2]), np.cos(moves[2]))
     assert between(old.T, x.T) == pytest.approx(turns)

@@ -1,4 +1,4 @@
-"""Philox4x32-10 against the known answers of Random123's kat_vectors, and the maps to (0, 1) and to normals."""
+"""Philox4x32-10 against the known answers of Random123; words to uniforms and to normals."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 """The odometry model: a density that integrates to 1, samplers that agree with it, π = 1.
 
-Integrals are taken in polar coordinates (r, a, θ) by the midpoint rule, which is exact for all practical
-purposes on a smooth function around a circle, once cells are narrower than its deviations.
+Integrals are taken in polar coordinates (r, a, θ) by the midpoint rule, which is exact for all
+practical purposes on a smooth function around a circle, once cells are narrower than deviations.
 """
 
 from collections.abc import Callable
@@ -90,7 +90,7 @@ def test_forwards(motion, u):
 
 @pytest.mark.parametrize(("motion", "u"), CASES.values(), ids=CASES)
 def test_previous(motion, u):
-    """log π = log ∫ p(x_t | u, x_{t−1}) dx_{t−1} = 0, and `sample_previous` draws x_{t−1} from p / π."""
+    """log π = log ∫ p(x_t | u, x_{t−1}) dx_{t−1} = 0, and `sample_previous` draws from p / π."""
     u = np.array(u)
     reach = motion.decompose(u).sd_trans * 6.0 + np.hypot(u[0], u[1])
     cells = integral(lambda x: motion.log_density(X, u, x), X, reach)
@@ -160,8 +160,8 @@ def test_the_density_does_not_depend_on_the_frame(frame, x, x_new, u):
     u = np.array(u)
     here = NOISY.log_density(x_new[:, None], u, x[:, None])
     there = NOISY.log_density(compose(frame, x_new)[:, None], u, compose(frame, x)[:, None])
-    # Coordinates of 20 m round by 4e-15 m: 4e-12 rad in the bearing at 1 mm, over σ² = 0.02 and times
-    # an error of up to π, and as much for δ_trans.
+    # Coordinates of 20 m round by 4e-15 m: 4e-12 rad in the bearing at 1 mm, over σ² = 0.02 and
+    # times an error of up to π, and as much for δ_trans.
     assert there == pytest.approx(here, abs=1e-8)
 
 

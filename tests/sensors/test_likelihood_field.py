@@ -71,7 +71,7 @@ def test_is_its_equation(origin, beams, mount):
     z = scan(ranges, mount=np.array(mount))
     model = LikelihoodField(grid, sigma_hit=0.2, z_rand=0.07, z_unknown=0.3, effective_beams=9.0)
     expected = [by_hand(model, pose, z) for pose in x.T]
-    # float32 table and sums; beyond 4 σ off the map a wall may be forgotten: e⁻⁸ · 0.7 / 0.3 a beam.
+    # float32 table and sums; 4 σ off the map a wall may be forgotten: e⁻⁸ · 0.7 / 0.3 a beam.
     assert model.log_likelihood(x, z) == pytest.approx(expected, abs=1e-4 + 9.0 * 8e-4)
 
 
@@ -104,7 +104,7 @@ def distance_at(end_x):
     [(3.95, 0.0), (3.901, 0.0), (3.999, 0.0), (3.85, CELL), (3.899, CELL), (3.75, 2 * CELL)],
 )
 def test_no_half_cell_offset(end_x, distance):
-    """Anywhere in a wall's cell is distance 0, in the next cell exactly one resolution; the wall is x = 3.9 … 4."""
+    """Anywhere in a wall's cell, x = 3.9 … 4, is distance 0; in the next cell, one resolution."""
     assert distance_at(end_x) == pytest.approx(distance, abs=1e-4)
 
 
@@ -149,7 +149,7 @@ def test_a_scan_that_is_half_old_counts_half():
 
 
 def test_unknown_has_a_chance_of_its_own():
-    """Beams that end 0.7 m and more from any wall: z_rand on free cells, z_unknown on unknown ones."""
+    """Beams that end far from any wall: z_rand on free cells, z_unknown on unknown ones."""
     model = LikelihoodField(room(), sigma_hit=0.05, z_rand=0.1, z_unknown=0.3, effective_beams=1.0)
     x = np.array([[0.75], [1.2], [np.pi / 2]])
     ahead = model.log_likelihood(x, scan([0.95], [0.0]))

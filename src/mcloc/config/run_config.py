@@ -57,6 +57,7 @@ class RunConfig:
     filter: str = Composition.filter
     motion: str = Composition.motion
     sensor: str = Composition.sensor
+    environment: str = Composition.environment
     size: str = Composition.size
     resampler: str = Composition.resampler
     recovery: str = Composition.recovery

@@ -57,7 +57,9 @@ class Composition:
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid) -> ParticleFilter:
-        """The filter on a map. Raises ConfigError for unknown names and values that cannot be right."""
+        """The filter on a map. Raises ConfigError for unknown names and values that cannot be
+        right.
+        """
         if self.filter not in FILTERS:
             raise ConfigError(f"unknown filter {self.filter!r}; {suggest(self.filter, FILTERS)}")
         for kind in self.settings:

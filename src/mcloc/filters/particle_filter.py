@@ -1,4 +1,6 @@
-"""A filter is a tuple of parts φ_k, q_k, N_k; one step draws, weighs and normalizes  [Fox01 §19.2.3, §19.3.3]."""
+"""A filter is a tuple of parts φ_k, q_k, N_k; one step draws, weighs and normalizes  [Fox01
+§19.2.3, §19.3.3].
+"""
 
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -27,8 +29,9 @@ class Proposal(Protocol):
 class Part:
     """A share φ of the belief, drawn by one proposal.
 
-    Parts of the same group compete by evidence: their weights are normalized together. Each group keeps its
-    share Σ φ of the belief, whatever its evidence; a group without any weight loses it to the others.
+    Parts of the same group compete by evidence: their weights are normalized together. Each group
+    keeps its share Σ φ of the belief, whatever its evidence; a group without any weight loses it to
+    the others.
     """
 
     phi: float
@@ -49,9 +52,10 @@ class Belief:
 class StepInfo:
     """What was learned on the way.
 
-    n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of the first part,
-    an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics. doubt: the share of moves for which
-    the wheels were not believed. resampled: False where the set was kept.
+    n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of
+    the first part, an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics.
+    doubt: the share of moves for which the wheels were not believed. resampled: False where the set
+    was kept.
     """
 
     n: int
@@ -64,7 +68,9 @@ class StepInfo:
 
 @dataclass(frozen=True)
 class ParticleFilter:
-    """Bel(x_t) ∝ p(z_t | x_t) ∫ p(x_t | u_t, x_{t−1}) Bel(x_{t−1}) dx_{t−1}, by importance sampling."""
+    """Bel(x_t) ∝ p(z_t | x_t) ∫ p(x_t | u_t, x_{t−1}) Bel(x_{t−1}) dx_{t−1}, by importance
+    sampling.
+    """
 
     motion: MotionModel
     sensor: SensorModel
@@ -85,7 +91,8 @@ class ParticleFilter:
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
 
-        A scan that is explained much worse than usual makes the step be drawn once more, with doubt in the wheels.
+        A scan that is explained much worse than usual makes the step be drawn once more, with doubt
+        in the wheels.
         """
         alpha, doubt, readings = self.recovery.alpha(bel.evidence), 0.0, self.sensor.readings(z)
         drawn = self._draw(bel, u, z, alpha, doubt, draws)
@@ -123,7 +130,8 @@ class ParticleFilter:
     def _shifts(self, drawn: "_Drawn") -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
 
-        Within a group a particle of part k weighs φ_k / N_k; then each group is brought to its share Σ φ.
+        Within a group a particle of part k weighs φ_k / N_k; then each group is brought to its
+        share Σ φ.
         """
         phis = np.array([part.phi for part in self.parts])
         evidence = np.log(phis) + np.array(drawn.estimates)
@@ -151,7 +159,8 @@ def draw(
 ) -> tuple[States, LogWeights]:
     """n weighted particles, or as many as the rule asks for where n is None.
 
-    They are drawn in chunks, but where drawing stops depends on the particles alone, not on the chunks.
+    They are drawn in chunks, but where drawing stops depends on the particles alone, not on the
+    chunks.
     """
     if n is not None:
         return source(0, n)

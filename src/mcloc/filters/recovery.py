@@ -1,27 +1,30 @@
 """When a filter should doubt itself: its wheels at once, its place in the long run.
 
-Both judge by the *unnormalized* likelihood of the scans: once normalized, weights know nothing of how well the map explains a scan.
+Both judge by the *unnormalized* likelihood of the scans: once normalized, weights know nothing of
+how well the map explains a scan.
 """
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from mcloc.registry import Part, Registry, param
+from mcloc.registry import Configurable, Registry, param
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """Short and long running average of the predictive likelihood per reading; 0 before the first.
 
-    The likelihood (1/N) Σ p(z | x^(i)) is taken per independent reading, that is to the power 1/readings, so that
-    scans of any length compare.
+    The likelihood (1/N) Σ p(z | x^(i)) is taken per independent reading, that is to the power
+    1/readings, so that scans of any length compare.
     """
 
     fast: float = 0.0
     slow: float = 0.0
 
     def updated(self, likelihood: float, rates: tuple[float, float]) -> "Evidence":
-        """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3]; the first scan starts both."""
+        """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3]; the first scan starts
+        both.
+        """
         if self.slow == 0.0:
             return Evidence(likelihood, likelihood)
         fast, slow = rates
@@ -41,16 +44,19 @@ class Recovery(Protocol):
         """α of (1 − α) p_d + α U: the uniform share of the dynamics, 0 … 1  [Yee Eq. 1]."""
 
     def doubt(self, evidence: Evidence, likelihood: float) -> float:
-        """The share of particles for which the wheels are not believed, given this scan's likelihood per reading."""
+        """The share of particles for which the wheels are not believed, given this scan's
+        likelihood per reading.
+        """
 
 
 @dataclass(frozen=True)
-class NoRecovery(Part):
+class NoRecovery(Configurable):
     """No random particles: a filter that has lost the robot stays lost.
 
-    Wheels that lie are caught all the same. Where a scan is explained worse than usual, w < doubt_below · w_slow, the step is
-    drawn again with a share 1 − w / (doubt_below · w_slow) of moves from the motion model's `doubted` version, in the way
-    of sensor resetting [Lenser, Veloso: ICRA 2000] but around the robot instead of anywhere.
+    Wheels that lie are caught all the same. Where a scan is explained worse than usual, w <
+    doubt_below · w_slow, the step is drawn again with a share 1 − w / (doubt_below · w_slow) of
+    moves from the motion model's `doubted` version, in the way of sensor resetting [Lenser, Veloso:
+    ICRA 2000] but around the robot instead of anywhere.
     """
 
     rate_fast: float = param(
@@ -88,8 +94,9 @@ class RandomParticles(NoRecovery):
 
 @dataclass(frozen=True)
 class Augmented(NoRecovery):
-    """α = max(0, 1 − w_fast / (below · w_slow)) [Probabilistic Robotics, Table 8.3, where `below` is 1;
-    Gutmann, Fox: IROS 2002, where it is 1/ν]."""
+    """α = max(0, 1 − w_fast / (below · w_slow)) [Probabilistic Robotics, Table 8.3, where `below`
+    is 1; Gutmann, Fox: IROS 2002, where it is 1/ν].
+    """
 
     below: float = param(
         0.75, "", "random particles where short / long average is below", above=0, high=1
@@ -100,7 +107,9 @@ class Augmented(NoRecovery):
 
 
 def _shortfall(now: float, usual: float, below: float) -> float:
-    """By how much `now` falls short of the share `below` of what is usual: 0 … 1, 0 where nothing is usual yet."""
+    """By how much `now` falls short of the share `below` of what is usual: 0 … 1, 0 where nothing
+    is usual yet.
+    """
     return max(0.0, 1.0 - now / (below * usual)) if usual > 0.0 and below > 0.0 else 0.0
 
 

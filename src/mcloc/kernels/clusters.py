@@ -1,5 +1,7 @@
 """Clusters of occupied bins: hills of a smoothed histogram, joined where no real valley parts them
-[Chazal, Guibas, Oudot, Skraba: Persistence-based clustering in Riemannian manifolds, J. ACM 2013]."""
+[Chazal, Guibas, Oudot, Skraba: Persistence-based clustering in Riemannian manifolds, J. ACM
+2013].
+"""
 
 import numpy as np
 
@@ -8,9 +10,11 @@ from mcloc.kernels.jit import kernel
 
 @kernel
 def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type: ignore[no-untyped-def]
-    """out (K, M): the index of the bin at each offset (M, D) from each bin (D, K), −1 where it is empty.
+    """out (K, M): the index of the bin at each offset (M, D) from each bin (D, K), −1 where it is
+    empty.
 
-    keys (K,): sorted, Σ_d coordinate_d · stride_d. periods (D,): bins around a circular axis, 0 for a straight one.
+    keys (K,): sorted, Σ_d coordinate_d · stride_d. periods (D,): bins around a circular axis, 0 for
+    a straight one.
     """
     n = len(keys)
     for m in range(offsets.shape[0]):
@@ -27,7 +31,7 @@ def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type:
                 near += 1
                 steps += 1
             if near == n or keys[near] < key or (near > 0 and keys[near - 1] >= key):
-                near = np.searchsorted(keys, key)
+                near = int(np.searchsorted(keys, key))
             out[k, m] = near if near < n and keys[near] == key else -1
 
 
@@ -46,8 +50,9 @@ def smooth(mass, neighbours, kernel_weights, out):  # type: ignore[no-untyped-de
 def join_hills(order, density, neighbours, valley, root):  # type: ignore[no-untyped-def]
     """root (K,): for each bin the bin at the top of its hill.
 
-    Bins come in order of falling density. One that touches no hill starts one; one that touches several belongs to the highest, and
-    joins to it every hill that rises less than 1/valley above this saddle.
+    Bins come in order of falling density. One that touches no hill starts one; one that touches
+    several belongs to the highest, and joins to it every hill that rises less than 1/valley above
+    this saddle.
     """
     root[:] = -1
     for k in order:

@@ -1,10 +1,11 @@
 """How every kernel is compiled, and how the work is shared among threads.
 
-A kernel works on the half-open range [start, stop) of particles and releases the GIL; what it computes
-for a particle depends on nothing but that particle, so the result is the same for any
+A kernel works on the half-open range [start, stop) of particles and releases the GIL; what it
+computes for a particle depends on nothing but that particle, so the result is the same for any
 split and any number of threads.
 """
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,14 +13,25 @@ from typing import Any
 
 import numba
 
-kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+from mcloc.errors import ConfigError
+
+kernel: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
 """Decorator of every compiled function; arithmetic is IEEE, so −inf and NaN mean what they say."""
 
 SERIAL_BELOW = 100_000
 """Units of work (particle·beams or their like, ~1 ns each) under which starting threads costs more
 than it saves."""
 
-_threads = max(1, int(os.environ.get("MCLOC_NUM_THREADS", "0")) or os.cpu_count() or 1)
+
+def _default_threads() -> int:
+    """MCLOC_NUM_THREADS, or as many as there are processors."""
+    wanted = os.environ.get("MCLOC_NUM_THREADS", "")
+    if wanted and not (wanted.isdigit() and int(wanted) > 0):
+        raise ConfigError(f"MCLOC_NUM_THREADS must be a whole number >= 1, got {wanted!r}")
+    return int(wanted) if wanted else os.cpu_count() or 1
+
+
+_threads = _default_threads()
 _pool: ThreadPoolExecutor | None = None
 
 
@@ -41,5 +53,5 @@ def share(run: Callable[[int, int], Any], n: int, work: int) -> None:
     if _pool is None:
         _pool = ThreadPoolExecutor(_threads, thread_name_prefix="mcloc")
     edges = [n * k // _threads for k in range(_threads + 1)]
-    for done in [_pool.submit(run, a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]:
+    for done in [_pool.submit(run, a, b) for a, b in itertools.pairwise(edges)]:
         done.result()

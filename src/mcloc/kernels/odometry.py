@@ -30,7 +30,8 @@ def sample_moves(  # type: ignore[no-untyped-def]
     start,
     stop,
 ):
-    """out (3, N): moves (dx, dy, dθ) in the robot's frame: rotate, drive, rotate, each with its noise.
+    """out (3, N): moves (dx, dy, dθ) in the robot's frame: rotate, drive, rotate, each with its
+    noise.
 
     The drive is reversed where a fourth normal falls below `reverse_below`.
     """

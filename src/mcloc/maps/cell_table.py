@@ -13,13 +13,17 @@ from mcloc.statespace import States
 
 @dataclass(frozen=True, eq=False)
 class CellTable:
-    """values: (height + 2, width + 2), the map's cells and a ring that stands for everything off the map."""
+    """values: (height + 2, width + 2), the map's cells and a ring that stands for everything off
+    the map.
+    """
 
     grid: OccupancyGrid
     values: NDArray[np.floating]
 
     def sum(self, x: States, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,): Σ over the points (B, 2), metres in the robot's frame, of the value of the cell each lies in."""
+        """(n,): Σ over the points (B, 2), metres in the robot's frame, of the value of the cell
+        each lies in.
+        """
         (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
         cos, sin = np.cos(yaw), np.sin(yaw)
         corner = (ox - cell * (cos - sin), oy - cell * (sin + cos))

@@ -19,10 +19,11 @@ OCCUPIED = 100
 class OccupancyGrid:
     """A map of square cells.
 
-    cells: (height, width) int8, row 0 lowest in y, column 0 lowest in x (of the grid's own frame): the chance of being occupied in
-    percent, 0 … 100, or −1 for unknown. resolution: metres a cell. origin: (3,) pose of the outer
-    corner of cell (0, 0) in the map frame; its θ turns the grid. A cell is occupied from `occupied_thresh`
-    on, free up to `free_thresh`, and otherwise unknown; unknown cells are neither free nor walls.
+    cells: (height, width) int8, row 0 lowest in y, column 0 lowest in x (of the grid's own frame):
+    the chance of being occupied in percent, 0 … 100, or −1 for unknown. resolution: metres a cell.
+    origin: (3,) pose of the outer corner of cell (0, 0) in the map frame; its θ turns the grid. A
+    cell is occupied from `occupied_thresh` on, free up to `free_thresh`, and otherwise unknown;
+    unknown cells are neither free nor walls.
     """
 
     cells: NDArray[np.int8]

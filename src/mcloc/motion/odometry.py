@@ -1,6 +1,8 @@
-"""p(x_t | u_t, x_{t−1}) from odometry: rotate δ_rot1, drive δ_trans, rotate δ_rot2, each with its own
-noise  [Thrun, Burgard, Fox: Probabilistic Robotics, §5.4; Fox01 §19.2.2]."""
+"""p(x_t | u_t, x_{t−1}) from odometry: rotate δ_rot1, drive δ_trans, rotate δ_rot2, each with its
+own noise  [Thrun, Burgard, Fox: Probabilistic Robotics, §5.4; Fox01 §19.2.2].
+"""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +13,7 @@ from mcloc.draws import Draws, Stream
 from mcloc.geometry import wrap
 from mcloc.kernels.jit import share
 from mcloc.kernels.odometry import apply_moves, sample_moves, undo_moves
-from mcloc.registry import Part, param
+from mcloc.registry import Configurable, param
 from mcloc.statespace import LogWeights, States
 
 _WRAPS = 2.0 * np.pi * np.arange(-2, 3)
@@ -19,7 +21,9 @@ _WRAPS = 2.0 * np.pi * np.arange(-2, 3)
 
 @dataclass(frozen=True, slots=True)
 class Decomposition:
-    """u as rotate, drive, rotate, with the standard deviation of each. trans < 0 is driving backwards."""
+    """u as rotate, drive, rotate, with the standard deviation of each. trans < 0 is driving
+    backwards.
+    """
 
     rot1: float
     trans: float
@@ -30,12 +34,13 @@ class Decomposition:
 
 
 @dataclass(frozen=True)
-class OdometryMotion(Part):
+class OdometryMotion(Configurable):
     """Odometry motion model. u: (3,) the move since the last step in the robot's frame (m, m, rad).
 
     α₁ … α₄ are **standard deviations** per unit of motion, not variances; independent causes add in
-    quadrature: σ_rot² = (α₁ δ_rot)² + (α₂ δ_trans)² + σ_min², σ_trans² = (α₃ δ_trans)² + (α₄ (|δ_rot1| + |δ_rot2|))² + σ_min².
-    The noise does not know walls and depends on the relative move alone, so π(x_t | u) = 1 everywhere.
+    quadrature: σ_rot² = (α₁ δ_rot)² + (α₂ δ_trans)² + σ_min², σ_trans² = (α₃ δ_trans)² + (α₄
+    (|δ_rot1| + |δ_rot2|))² + σ_min². The noise does not know walls and depends on the relative move
+    alone, so π(x_t | u) = 1 everywhere.
     """
 
     alpha1: float = param(0.15, "rad/rad", "turning error per turning", low=0)
@@ -48,7 +53,9 @@ class OdometryMotion(Part):
     loose: float = param(5.0, "", "factor on all deviations in the doubted model", low=1)
 
     def doubted(self) -> "OdometryMotion":
-        """The model for wheels that must have lied: they slipped, or count turns without seeing their direction."""
+        """The model for wheels that must have lied: they slipped, or count turns without seeing
+        their direction.
+        """
         factors = {
             name: self.loose * getattr(self, name)
             for name in ("alpha1", "alpha2", "alpha3", "alpha4", "sigma_rot_min", "sigma_trans_min")
@@ -58,7 +65,8 @@ class OdometryMotion(Part):
     def decompose(self, u: NDArray[np.float64]) -> Decomposition:
         """δ_rot1, δ_trans, δ_rot2 of a move, and their deviations.
 
-        A robot that drives backwards turns by little, not by π; one that turns on the spot has no δ_rot1.
+        A robot that drives backwards turns by little, not by π; one that turns on the spot has no
+        δ_rot1.
         """
         dx, dy, dtheta = (float(v) for v in u)
         trans, rot1 = float(np.hypot(dx, dy)), float(np.arctan2(dy, dx))
@@ -101,7 +109,8 @@ class OdometryMotion(Part):
     def log_density(self, x_new: States, u: NDArray[np.float64], x: States) -> LogWeights:
         """(n,): log p(x_new | u, x) per m² rad.
 
-        Two ways lead to a place: forwards, and backwards with δ_rot1 turned by π. Polar coordinates give the 1/δ_trans.
+        Two ways lead to a place: forwards, and backwards with δ_rot1 turned by π. Polar coordinates
+        give the 1/δ_trans.
         """
         d = self.decompose(u)
         driven = ((d.trans, 1.0 - self.p_reverse), (-d.trans, self.p_reverse))
@@ -123,7 +132,8 @@ class OdometryMotion(Part):
                 )
                 + _log_wrapped_normal(rot2 - d.rot2, d.sd_rot2)
             )
-        return np.logaddexp(*ways) - np.log(length)
+        density: LogWeights = np.logaddexp(*ways) - np.log(length)
+        return density
 
     def _move(self, apply, x: States, u: NDArray[np.float64], draws: Draws, first: int) -> States:  # type: ignore[no-untyped-def]
         d, n = self.decompose(u), x.shape[1]
@@ -148,10 +158,11 @@ class OdometryMotion(Part):
 
 
 def _log_normal(x: NDArray[np.float64], sd: float) -> NDArray[np.float64]:
-    return -0.5 * (x / sd) ** 2 - np.log(sd * np.sqrt(2.0 * np.pi))
+    return -0.5 * (x / sd) ** 2 - math.log(sd * math.sqrt(2.0 * math.pi))
 
 
 def _log_wrapped_normal(angle: NDArray[np.float64], sd: float) -> NDArray[np.float64]:
     """The normal density wrapped around the circle; two turns each way suffice for sd < 2 rad."""
     around = _log_normal(wrap(angle)[:, None] + _WRAPS, sd)
-    return np.logaddexp.reduce(around, axis=1)
+    density: NDArray[np.float64] = np.logaddexp.reduce(around, axis=1)
+    return density

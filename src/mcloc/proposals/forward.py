@@ -20,8 +20,8 @@ class Forward:
     def prepare(self, target: Target, n: int | None, draws: Draws) -> tuple[Source, int | None]:
         """The source of weighted particles, and how many it has (None: as many as asked for).
 
-        n: how many are wanted, None where that is found while drawing. A set that is kept instead of
-        resampled has as many particles as before, and each brings N times its weight along.
+        n: how many are wanted, None where that is found while drawing. A set that is kept instead
+        of resampled has as many particles as before, and each brings N times its weight along.
         """
         ancestry = self.resampler(target.particles, n, draws)
 

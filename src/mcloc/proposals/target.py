@@ -1,4 +1,6 @@
-"""The one target of every proposal: p(z_t | x_t) ∫ p(x_t | u_t, x_{t−1}) Bel(x_{t−1}) dx_{t−1}  [Fox01 Eq. 19.2.3]."""
+"""The one target of every proposal: p(z_t | x_t) ∫ p(x_t | u_t, x_{t−1}) Bel(x_{t−1}) dx_{t−1}
+[Fox01 Eq. 19.2.3].
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +17,10 @@ from mcloc.statespace import LogWeights, States
 class Target:
     """Everything that a step knows before it draws.
 
-    The dynamics are p(x_t | u, x_{t−1}) = p(x_t | m) [(1 − α) ((1 − δ) p_d + δ p_doubted) + α U(x_t)]: random particles are
-    part of the model, not a correction afterwards [Yee Eq. 1]; so are moves that the wheels did not report, and that a robot does not
-    stand in walls [Probabilistic Robotics, Eq. 5.11].
+    The dynamics are p(x_t | u, x_{t−1}) = p(x_t | m) [(1 − α) ((1 − δ) p_d + δ p_doubted) + α
+    U(x_t)]: random particles are part of the model, not a correction afterwards [Yee Eq. 1]; so are
+    moves that the wheels did not report, and that a robot does not stand in walls [Probabilistic
+    Robotics, Eq. 5.11].
     """
 
     particles: Particles

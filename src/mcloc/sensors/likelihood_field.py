@@ -1,5 +1,6 @@
-"""log p(z | x) = β Σ_k log( z_hit · exp(−d_k²/2σ²) + z_rand · c ), d_k the distance from the k-th endpoint to the nearest
-wall  [Thrun, Burgard, Fox: Probabilistic Robotics, §6.4]."""
+"""log p(z | x) = β Σ_k log( z_hit · exp(−d_k²/2σ²) + z_rand · c ), d_k the distance from the k-th
+endpoint to the nearest wall  [Thrun, Burgard, Fox: Probabilistic Robotics, §6.4].
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,22 +12,24 @@ from scipy.ndimage import distance_transform_edt
 from mcloc.events import Scan
 from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
-from mcloc.registry import Part, param
+from mcloc.registry import Configurable, param
 from mcloc.statespace import LogWeights, States
 
 
 @dataclass(frozen=True)
-class LikelihoodField(Part):
+class LikelihoodField(Configurable):
     """Likelihood field of a map, for laser scans.
 
-    One beam's p is relative to that of a perfect reading: (1 − z) exp(−d²/2σ²) + z with z = z_rand where the
-    endpoint falls on a known cell and z = z_unknown where it falls on an unknown one or off the map. A map maker who saw
-    a surface drew it, so a return from where nobody looked surprises more than one from a thing that stands in free space since.
+    One beam's p is relative to that of a perfect reading: (1 − z) exp(−d²/2σ²) + z with z = z_rand
+    where the endpoint falls on a known cell and z = z_unknown where it falls on an unknown one or
+    off the map. A map maker who saw a surface drew it, so a return from where nobody looked
+    surprises more than one from a thing that stands in free space since.
 
-    Beams are not independent: neighbours hit the same surface, and the same error of the map is met by scan
-    after scan. The log-likelihood is therefore tempered, by β = effective_beams · novelty / (beams used), everywhere the same.
-    Of each scan at most max_beams beams are used, evenly spread. Readings that are no return (NaN, inf, ≤ 0, ≥ range_max)
-    have no endpoint: they count among the beams used but say nothing.
+    Beams are not independent: neighbours hit the same surface, and the same error of the map is met
+    by scan after scan. The log-likelihood is therefore tempered, by β = effective_beams · novelty /
+    (beams used), everywhere the same. Of each scan at most max_beams beams are used, evenly spread.
+    Readings that are no return (NaN, inf, ≤ 0, ≥ range_max) have no endpoint: they count among the
+    beams used but say nothing.
     """
 
     grid: OccupancyGrid
@@ -42,7 +45,9 @@ class LikelihoodField(Part):
 
     @cached_property
     def _distance(self) -> NDArray[np.float32]:
-        """(height + 2, width + 2): metres to the nearest wall, a ring of cells around the map included."""
+        """(height + 2, width + 2): metres to the nearest wall, a ring of cells around the map
+        included.
+        """
         padded = np.pad(self.grid.occupied, 1)
         if not padded.any():
             return np.full(padded.shape, np.inf, dtype=np.float32)
@@ -69,7 +74,9 @@ class LikelihoodField(Part):
         return np.unique(np.linspace(0, n - 1, min(n, self.max_beams)).round().astype(np.intp))
 
     def endpoints(self, z: Scan) -> NDArray[np.float64]:
-        """(B, 2): where the used beams end, metres, robot frame; beams without a return left out."""
+        """(B, 2): where the used beams end, metres, robot frame; beams without a return left
+        out.
+        """
         beams = self.used_beams(z)
         ranges, angles = z.ranges[beams], z.angles[beams]
         ok = is_return(ranges, z.range_max)
@@ -82,11 +89,15 @@ class LikelihoodField(Part):
         return total * (self.readings(z) / max(len(self.used_beams(z)), 1))
 
     def readings(self, z: Scan) -> float:
-        """effective_beams × novelty: the beams that a scan is worth, however many of them are used."""
+        """effective_beams × novelty: the beams that a scan is worth, however many of them are
+        used.
+        """
         return self.effective_beams * z.novelty
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
-        """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without returns."""
+        """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without
+        returns.
+        """
         points = self.endpoints(z)
         if len(points) == 0:
             return np.full(x.shape[1], np.nan)
