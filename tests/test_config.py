@@ -47,7 +47,7 @@ def test_resolved_spells_everything_out() -> None:
     assert config.settings["motion"]["alpha1"] == 0.5
     for kind, registry in REGISTRIES.items():
         known = {f.name for f in parameters(registry.get(getattr(config, kind)))}
-        assert set(config.settings[kind]) == known
+        assert set(config.settings.get(kind, {})) == known
     assert config.resolved() == config
 
 

@@ -16,8 +16,8 @@ Poses = NDArray[np.float64]
 def wrap(angle: ArrayLike) -> NDArray[np.float64]:
     """The same angle in (−π, π]."""
     a = np.asarray(angle, dtype=np.float64)
-    wrapped: NDArray[np.float64] = np.pi - np.mod(np.pi - a, 2.0 * np.pi)
-    return wrapped
+    wrapped = np.pi - np.mod(np.pi - a, 2.0 * np.pi)
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)  # a hair above π rounds to −π
 
 
 def compose(a: ArrayLike, b: ArrayLike) -> Poses:

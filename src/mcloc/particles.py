@@ -64,6 +64,8 @@ def log_sum_exp(log_weights: LogWeights) -> float:
     top = log_weights.max()
     if np.isnan(top):
         raise FilterError("a weight is NaN")
+    if np.isposinf(top):
+        raise FilterError("a weight is infinite")
     if np.isneginf(top):
         return -np.inf
     return float(top + np.log(np.exp(log_weights - top).sum()))

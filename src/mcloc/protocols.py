@@ -24,7 +24,7 @@ class MotionModel(Protocol):
         """(n,): log p(x_new | u, x), column by column."""
 
     def sample_previous(self, x_new: States, u: Any, draws: Draws, first: int) -> States:
-        """(D, n): x_{t−1} drawn from p(x_new | u, x_{t−1}) / π(x_new | u)  [Fox01 Eq. 19.3.15]."""
+        """(D, n): x_{t−1} drawn from p(x_new | u, x_{t−1}) / π(x_new | u)  [Fox01 Eq. 19.3.12]."""
 
     def log_pi(self, x_new: States, u: Any) -> LogWeights:
         """(n,): log π(x_new | u) = log ∫ p(x_new | u, x_{t−1}) dx_{t−1}."""

@@ -249,12 +249,3 @@ def test_a_weight_that_is_not_a_number(groups):
     ]
     with pytest.raises(FilterError, match="NaN"):
         one_step(parts)
-
-
-@pytest.mark.parametrize("ess_below", [1.0, 0.5])
-def test_info_says_whether_the_set_was_resampled(ess_below):
-    """Equal weights are kept below 1; sizes that do not change hide nothing."""
-    part = Part(1.0, Forward(resampler(ess_below)), Fixed(10))
-    bel = Belief(Particles.normalized(np.zeros((1, 10)), np.linspace(0.0, 0.5, 10)))
-    info = tile_filter([part]).step(bel, 0, True, Draws(1, 1))[1]
-    assert info.resampled == (ess_below == 1.0)

@@ -54,8 +54,7 @@ class StepInfo:
 
     n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of
     the first part, an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics.
-    doubt: the share of moves for which the wheels were not believed. resampled: False where the set
-    was kept.
+    doubt: the share of moves for which the wheels were not believed.
     """
 
     n: int
@@ -63,7 +62,6 @@ class StepInfo:
     log_evidence: float
     alpha: float
     doubt: float
-    resampled: bool
 
 
 @dataclass(frozen=True)
@@ -106,9 +104,7 @@ class ParticleFilter:
         )
         likelihood = float(np.exp(drawn.estimates[0] / readings))
         evidence = bel.evidence.updated(likelihood, self.recovery.rates)
-        info = StepInfo(
-            len(particles), particles.ess, drawn.estimates[0], alpha, doubt, drawn.resampled
-        )
+        info = StepInfo(len(particles), particles.ess, drawn.estimates[0], alpha, doubt)
         return Belief(particles, evidence), info
 
     def _draw(
@@ -118,14 +114,13 @@ class ParticleFilter:
         target = Target(
             bel.particles, u, z, alpha, doubt, self.motion, self.sensor, self.environment
         )
-        drawn, resampled = [], False
+        drawn = []
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))
             drawn.append(draw(source, part.size, n, self.space))
-            resampled = resampled or n != len(bel.particles)
         states, log_weights = zip(*drawn, strict=True)
         estimates = [log_sum_exp(w) - float(np.log(len(w))) for w in log_weights]
-        return _Drawn(list(states), list(log_weights), estimates, resampled)
+        return _Drawn(list(states), list(log_weights), estimates)
 
     def _shifts(self, drawn: "_Drawn") -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
@@ -151,7 +146,6 @@ class _Drawn:
     states: list[States]
     log_weights: list[LogWeights]
     estimates: list[float]
-    resampled: bool
 
 
 def draw(

@@ -84,7 +84,7 @@ class NoRecovery(Configurable):
 
 @dataclass(frozen=True)
 class RandomParticles(NoRecovery):
-    """A constant share of random particles [Fox99; Fox01 §19.2.5]."""
+    """A constant share of random particles [Fox99; Fox01 §19.3.4]."""
 
     share: float = param(0.05, "", "share of random particles", low=0, high=1)
 

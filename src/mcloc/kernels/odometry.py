@@ -9,7 +9,8 @@ from mcloc.kernels.philox import normal_pair, philox
 @kernel
 def wrapped(angle):  # type: ignore[no-untyped-def]
     """The same angle in (−π, π]."""
-    return np.pi - (np.pi - angle) % (2.0 * np.pi)
+    inside = np.pi - (np.pi - angle) % (2.0 * np.pi)
+    return np.pi if inside <= -np.pi else inside
 
 
 @kernel

@@ -13,8 +13,8 @@ from mcloc.statespace import States
 
 @dataclass(frozen=True, eq=False)
 class CellTable:
-    """values: (height + 2, width + 2), the map's cells and a ring that stands for everything off
-    the map.
+    """values: (height + 2 m, width + 2 m), the map's cells and m ≥ 1 rings of cells around them,
+    the outermost of which stands for everything beyond.
     """
 
     grid: OccupancyGrid
@@ -26,7 +26,8 @@ class CellTable:
         """
         (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
         cos, sin = np.cos(yaw), np.sin(yaw)
-        corner = (ox - cell * (cos - sin), oy - cell * (sin + cos))
+        margin = cell * ((self.values.shape[0] - self.grid.cells.shape[0]) // 2)
+        corner = (ox - margin * (cos - sin), oy - margin * (sin + cos))
         frame = (*self.values.shape, *corner, cos, sin, 1.0 / cell)
         out = np.empty(x.shape[1])
         flat = np.ascontiguousarray(self.values, dtype=np.float32).ravel()

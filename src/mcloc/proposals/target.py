@@ -20,7 +20,7 @@ class Target:
     The dynamics are p(x_t | u, x_{t−1}) = p(x_t | m) [(1 − α) ((1 − δ) p_d + δ p_doubted) + α
     U(x_t)]: random particles are part of the model, not a correction afterwards [Yee Eq. 1]; so are
     moves that the wheels did not report, and that a robot does not stand in walls [Probabilistic
-    Robotics, Eq. 5.11].
+    Robotics, §5.5].
     """
 
     particles: Particles
@@ -35,7 +35,7 @@ class Target:
     def sample_predictive(self, ancestors: Indices, draws: Draws, first: int) -> States:
         """(D, n): x_t from the dynamics but for p(x_t | m), the particles first … first + n − 1."""
         n = len(ancestors)
-        old = self.particles.states[:, ancestors]
+        old = np.take(self.particles.states, ancestors, axis=1)
         states = self.motion.sample(old, self.u, draws, first)
         if self.doubt == 0.0 and self.alpha == 0.0:
             return states

@@ -33,7 +33,7 @@ class LikelihoodField(Configurable):
     """
 
     grid: OccupancyGrid
-    sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", above=0)
+    sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", above=0, high=5)
     z_rand: float = param(
         0.1, "", "p of a reading that no wall explains, a perfect one being 1", above=0, high=1
     )
@@ -43,12 +43,15 @@ class LikelihoodField(Configurable):
         12.0, "", "independent beams that the used ones are worth", above=0
     )
 
+    @property
+    def _margin(self) -> int:
+        """Cells around the map, up to where a wall on its border explains nothing: 5 σ_hit."""
+        return int(np.ceil(5.0 * self.sigma_hit / self.grid.resolution)) + 1
+
     @cached_property
     def _distance(self) -> NDArray[np.float32]:
-        """(height + 2, width + 2): metres to the nearest wall, a ring of cells around the map
-        included.
-        """
-        padded = np.pad(self.grid.occupied, 1)
+        """(height + 2 m, width + 2 m): metres to the nearest wall, m = _margin."""
+        padded = np.pad(self.grid.occupied, self._margin)
         if not padded.any():
             return np.full(padded.shape, np.inf, dtype=np.float32)
         cells = distance_transform_edt(~padded)
@@ -63,7 +66,9 @@ class LikelihoodField(Configurable):
     def _table(self) -> CellTable:
         """log p of a beam that ends in a cell."""
         z = np.where(
-            np.pad(self.grid.unknown, 1, constant_values=True), self.z_unknown, self.z_rand
+            np.pad(self.grid.unknown, self._margin, constant_values=True),
+            self.z_unknown,
+            self.z_rand,
         )
         hit = np.exp(-0.5 * (self._distance / self.sigma_hit) ** 2)
         return CellTable(self.grid, np.log((1.0 - z) * hit + z).astype(np.float32))
