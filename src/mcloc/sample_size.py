@@ -48,7 +48,7 @@ class KLD(Configurable):
     n ≥ (k − 1)/(2ε) · (1 − 2/(9(k − 1)) + √(2/(9(k − 1))) z_{1−δ})³.
     """
 
-    epsilon: float = param(0.05, "", "bound on the Kullback-Leibler distance", above=0, high=1)
+    epsilon: float = param(0.02, "", "bound on the Kullback-Leibler distance", above=0, high=1)
     delta: float = param(0.01, "", "chance of missing that bound", above=0, high=0.5)
     bin_length: float = param(0.5, "m", "side of a bin along a straight axis", above=0)
     bin_angle: float = param(
