@@ -11,7 +11,7 @@ import pytest
 from mcloc.draws import Draws, Stream
 from mcloc.errors import FilterError
 from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
-from mcloc.filters.recovery import NoRecovery, RandomParticles
+from mcloc.filters.recovery import NoRandomParticles, RandomParticles
 from mcloc.particles import Particles
 from mcloc.proposals.forward import Forward
 from mcloc.resampling import Systematic, when_ess_below
@@ -81,7 +81,7 @@ def exact(moves, seen, alpha):
 
 def tile_filter(parts, recovery=None):
     return ParticleFilter(
-        Steps(), Colour(), Anywhere(), tuple(parts), recovery or NoRecovery(), LINE
+        Steps(), Colour(), Anywhere(), tuple(parts), recovery or NoRandomParticles(), LINE
     )
 
 

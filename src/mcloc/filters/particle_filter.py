@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mcloc.draws import Draws
-from mcloc.filters.recovery import Evidence, NoRecovery, Recovery
+from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.proposals.target import Target
 from mcloc.protocols import Density, Environment, MotionModel, SampleSize, SensorModel, Source
@@ -74,7 +74,7 @@ class ParticleFilter:
     sensor: SensorModel
     environment: Environment
     parts: tuple[Part, ...]
-    recovery: Recovery = field(default_factory=NoRecovery)
+    recovery: Recovery = field(default_factory=NoRandomParticles)
     space: StateSpace = SE2
 
     def start(self, initial: Density, draws: Draws) -> Belief:

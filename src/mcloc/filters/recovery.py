@@ -50,7 +50,7 @@ class Recovery(Protocol):
 
 
 @dataclass(frozen=True)
-class NoRecovery(Configurable):
+class NoRandomParticles(Configurable):
     """No random particles: a filter that has lost the robot stays lost.
 
     Wheels that lie are caught all the same. Where a scan is explained worse than usual, w <
@@ -83,7 +83,7 @@ class NoRecovery(Configurable):
 
 
 @dataclass(frozen=True)
-class RandomParticles(NoRecovery):
+class RandomParticles(NoRandomParticles):
     """A constant share of random particles [Fox99; Fox01 §19.3.4]."""
 
     share: float = param(0.05, "", "share of random particles", low=0, high=1)
@@ -93,7 +93,7 @@ class RandomParticles(NoRecovery):
 
 
 @dataclass(frozen=True)
-class Augmented(NoRecovery):
+class Augmented(NoRandomParticles):
     """α = max(0, 1 − w_fast / (below · w_slow)) [Probabilistic Robotics, Table 8.3, where `below`
     is 1; Gutmann, Fox: IROS 2002, where it is 1/ν].
     """
@@ -114,5 +114,5 @@ def _shortfall(now: float, usual: float, below: float) -> float:
 
 
 RECOVERIES: Registry[Recovery] = Registry(
-    "recovery", {"none": NoRecovery, "random": RandomParticles, "augmented": Augmented}
+    "recovery", {"none": NoRandomParticles, "random": RandomParticles, "augmented": Augmented}
 )

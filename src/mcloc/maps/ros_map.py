@@ -74,7 +74,7 @@ def write(grid: OccupancyGrid, path: Path) -> None:
     if path.suffix.lower() not in SUFFIXES:
         raise MapError(f"{path}: the name of a map to write must end in {' or '.join(SUFFIXES)}")
     cells, mode = grid.cells, "raw"
-    pixels = np.where(cells < 0, 255, cells).astype(np.uint8)
+    pixels = cells.view(np.uint8)  # −1, unknown, becomes 255
     shades = [np.uint8(shade) for shade in SHADES.values()]
     if np.isin(cells, list(SHADES)).all() and _tells_apart(grid):
         mode = "trinary"
