@@ -6,6 +6,7 @@ from scipy.stats import chi2, norm
 
 from mcloc.errors import ConfigError
 from mcloc.filters.particle_filter import draw
+from mcloc.protocols import Weighed
 from mcloc.sample_size import KLD, Fixed
 from mcloc.statespace import LINE, SE2
 
@@ -63,11 +64,12 @@ def test_drawing_stops_at_the_exact_index_whatever_the_chunk(rule, chunk):
     assert feed(rule, SE2, states, chunk) == expected
 
     def source(first, n):
-        return states[:, first : first + n], np.arange(float(first), first + n)
+        weights = np.arange(float(first), first + n)
+        return Weighed(states[:, first : first + n], np.zeros(n), weights)
 
-    drawn, log_weights = draw(source, rule, rule.fixed, SE2)
-    assert np.array_equal(drawn, states[:, :expected])
-    assert np.array_equal(log_weights, np.arange(float(expected)))
+    drawn = draw(source, rule, rule.fixed, SE2)
+    assert np.array_equal(drawn.states, states[:, :expected])
+    assert np.array_equal(drawn.log_weights, np.arange(float(expected)))
 
 
 def test_axes_have_the_sides_of_their_kind():

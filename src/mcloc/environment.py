@@ -30,14 +30,16 @@ class FreeSpace(Configurable):
     p_unknown: float = param(0.1, "", "p(x | m) on unknown cells and off the map", above=0, high=1)
     p_occupied: float = param(0.01, "", "p(x | m) inside walls", above=0, high=1)
 
-    @cached_property
-    def _cells(self) -> NDArray[np.intp]:
-        cells = np.flatnonzero(self.grid.free)
-        if len(cells) == 0:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self._cells) == 0:
             raise MapError(
                 f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
-        return cells
+
+    @cached_property
+    def _cells(self) -> NDArray[np.intp]:
+        return np.flatnonzero(self.grid.free)
 
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(3, n): poses of the particles first … first + n − 1, map frame."""

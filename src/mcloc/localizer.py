@@ -23,6 +23,7 @@ from mcloc.registry import Configurable, param
 from mcloc.sensors.likelihood_field import is_return
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
+FAR = 1e6  # m; no map reaches there
 LEAST_NOVELTY = 0.05  # of a scan from the same place: the sensor's own noise is new
 
 
@@ -206,8 +207,10 @@ class Localizer:
             u = np.zeros(3)
         assert self._update is not None
         moved = tuple(_carried(h, u) for h in self._update.hypotheses)
-        evidence = self.belief.evidence
-        return Estimate(scan.t, moved, self._update, due, evidence.fast, evidence.slow)
+        fast, slow = self.belief.evidence.fast, self.belief.evidence.slow
+        assert fast is not None
+        assert slow is not None
+        return Estimate(scan.t, moved, self._update, due, fast, slow)
 
     def _measure(self, scan: Scan, u: NDArray[np.float64]) -> Update:
         began = time.perf_counter()
@@ -222,9 +225,9 @@ class Localizer:
 def start_density(grid: OccupancyGrid, pose: ArrayLike, sigma: ArrayLike) -> Gaussian:
     """The belief of somebody who was told a pose. Raises ConfigError where a robot cannot stand."""
     mean, deviation = np.asarray(pose, dtype=np.float64), np.asarray(sigma, dtype=np.float64)
-    if mean.shape != (3,) or not np.isfinite(mean).all():
+    if mean.shape != (3,) or not (np.abs(mean) < FAR).all():
         raise ConfigError(f"the initial pose must be three finite numbers x, y, θ, got {pose!r}")
-    if deviation.shape != (3,) or not (np.isfinite(deviation).all() and (deviation > 0).all()):
+    if deviation.shape != (3,) or not ((deviation > 0) & (deviation < FAR)).all():
         raise ConfigError(f"the initial sigma must be three numbers > 0 (m, m, rad), got {sigma!r}")
     place = grid.state_at(mean)
     if place in ("outside", "occupied"):

@@ -1,7 +1,7 @@
 """The roles that parts play. Every filter is made of these."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,5 +81,26 @@ class SampleSize(Protocol):
         """A new count for one sample set."""
 
 
-Source = Callable[[int, int], tuple[States, LogWeights]]
-"""(first, n) -> states (D, n) and log weights (n,) of the particles first … first + n − 1."""
+class Weighed(NamedTuple):
+    """Particles that were drawn and weighed, not yet normalized.
+
+    states: (D, n). log_before: (n,) what each weighs before the measurement. log_likelihoods: (n,)
+    log p(z | x).
+    """
+
+    states: States
+    log_before: LogWeights
+    log_likelihoods: LogWeights
+
+    @property
+    def log_weights(self) -> LogWeights:
+        """(n,): target / q."""
+        return self.log_before + self.log_likelihoods
+
+    def first(self, n: int | None) -> "Weighed":
+        """The first n particles, all of them for None."""
+        return Weighed(self.states[:, :n], self.log_before[:n], self.log_likelihoods[:n])
+
+
+Source = Callable[[int, int], Weighed]
+"""(first, n) -> the particles first … first + n − 1."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from mcloc.errors import ConfigError
 from mcloc.kernels.bins import BinCounter
 from mcloc.protocols import Counter, SampleSize
 from mcloc.registry import Configurable, Registry, param
@@ -15,7 +16,7 @@ from mcloc.statespace import LogWeights, States, StateSpace
 class Fixed(Configurable):
     """Always n particles."""
 
-    particles: int = param(5000, "", "number of particles", low=1, high=1e8)
+    particles: int = param(5000, "", "number of particles", low=1, high=1e7)
 
     @property
     def fixed(self) -> int | None:
@@ -54,8 +55,15 @@ class KLD(Configurable):
     bin_angle: float = param(
         0.26, "rad", "side of a bin along a circular axis", above=0, high=np.pi
     )
-    minimum: int = param(2000, "", "fewest particles", low=1)
-    maximum: int = param(200_000, "", "most particles", low=1, high=1e8)
+    minimum: int = param(2000, "", "fewest particles", low=1, high=1e7)
+    maximum: int = param(200_000, "", "most particles", low=1, high=1e7)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.maximum < self.minimum:
+            raise ConfigError(
+                f"KLD.maximum = {self.maximum} must be >= KLD.minimum = {self.minimum}"
+            )
 
     @property
     def fixed(self) -> int | None:
@@ -80,7 +88,7 @@ class _KLDCounter:
         self.bins = BinCounter(sides)
 
     def enough(self, states: States, log_weights: LogWeights) -> int | None:
-        lowest, highest = self.rule.minimum, max(self.rule.minimum, self.rule.maximum)
+        lowest, highest = self.rule.minimum, self.rule.maximum
         occupied = self.bins.add(states)
         numbers = self.drawn + 1 + np.arange(states.shape[1])
         wanted = np.clip(self._bounds(occupied), lowest, highest)

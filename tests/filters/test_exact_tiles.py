@@ -14,6 +14,7 @@ from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
 from mcloc.filters.recovery import NoRandomParticles, RandomParticles
 from mcloc.particles import Particles
 from mcloc.proposals.forward import Forward
+from mcloc.protocols import Weighed
 from mcloc.resampling import Systematic, when_ess_below
 from mcloc.sample_size import KLD, Fixed
 from mcloc.statespace import LINE
@@ -168,7 +169,8 @@ class OneTile:
     def prepare(self, target, n, draws):
         def source(first, count):
             with np.errstate(divide="ignore"):
-                return np.full((1, count), float(self.tile)), np.full(count, np.log(self.weight))
+                weights = np.full(count, np.log(self.weight))
+            return Weighed(np.full((1, count), float(self.tile)), np.zeros(count), weights)
 
         return source, n
 

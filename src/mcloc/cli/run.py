@@ -78,6 +78,13 @@ def run(
         str | None,
         _Option(metavar="NAME", help="From kidnapping: none, random or augmented."),
     ] = None,
+    resampler: Annotated[
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="systematic, or selective: only where the effective sample size is low.",
+        ),
+    ] = None,
     mount: Annotated[
         str | None,
         _Option(
@@ -161,6 +168,7 @@ def run(
         "sensor": sensor,
         "size": size,
         "recovery": recovery,
+        "resampler": resampler,
     }
     flags = {key: value for key, value in given.items() if value is not None}
     if search:

@@ -42,6 +42,8 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterator[str]:
         f"95 % below {a['position_p95_m']:.3f} m, max {a['position_max_m']:.3f} m"
     )
     yield f"heading    median {a['heading_median_deg']:.2f}°"
+    if a["nees_median"] is not None:
+        yield f"NEES       median {a['nees_median']:.1f}; 2.4 for a filter as sure as it should be"
     lost = (f"{100 * share:.0f} % > {limit} m" for limit, share in a["lost_fraction"].items())
     yield f"lost       {', '.join(lost)} of the time"
     found = _when(a["converged"], a["time_to_converge_s"], a["distance_to_converge_m"])

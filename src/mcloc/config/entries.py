@@ -64,7 +64,7 @@ def limited(entries: Mapping[str, Any], particles: int) -> dict[str, Any]:
     if "particles" not in defaults:
         given = entries.get("settings", {}).get("size", {})
         wanted = {"maximum": particles}
-        if float(given.get("minimum", defaults["minimum"])) > particles:
+        if _number("size.minimum", given.get("minimum", defaults["minimum"])) > particles:
             wanted["minimum"] = particles
     return merged(entries, {"settings": {"size": wanted}})
 
@@ -79,7 +79,7 @@ def _number(where: str, value: object) -> float:
     try:
         # YAML takes 1e-3 for text.
         number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise ConfigError(f"{where} must be a finite number, got {value!r}")

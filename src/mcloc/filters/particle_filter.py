@@ -11,8 +11,16 @@ from mcloc.draws import Draws
 from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.proposals.target import Target
-from mcloc.protocols import Density, Environment, MotionModel, SampleSize, SensorModel, Source
-from mcloc.statespace import SE2, LogWeights, States, StateSpace
+from mcloc.protocols import (
+    Density,
+    Environment,
+    MotionModel,
+    SampleSize,
+    SensorModel,
+    Source,
+    Weighed,
+)
+from mcloc.statespace import SE2, StateSpace
 
 
 class Proposal(Protocol):
@@ -80,11 +88,10 @@ class ParticleFilter:
     def start(self, initial: Density, draws: Draws) -> Belief:
         """Particles drawn from an initial density, as many as the first part's size asks for."""
 
-        def source(first: int, n: int) -> tuple[States, LogWeights]:
-            return initial.sample(draws, first, n), np.zeros(n)
+        def source(first: int, n: int) -> Weighed:
+            return Weighed(initial.sample(draws, first, n), np.zeros(n), np.zeros(n))
 
-        states, _ = draw(source, self.parts[0].size, None, self.space)
-        return Belief(Particles.equal(states))
+        return Belief(Particles.equal(draw(source, self.parts[0].size, None, self.space).states))
 
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
@@ -92,25 +99,27 @@ class ParticleFilter:
         A scan that is explained much worse than usual makes the step be drawn once more, with doubt
         in the wheels.
         """
-        alpha, doubt, readings = self.recovery.alpha(bel.evidence), 0.0, self.sensor.readings(z)
+        alpha, doubt = self.recovery.alpha(bel.evidence), 0.0
         drawn = self._draw(bel, u, z, alpha, doubt, draws)
-        doubt = self.recovery.doubt(bel.evidence, float(np.exp(drawn.estimates[0] / readings)))
+        likelihood = self._likelihood(drawn[0], z)
+        doubt = self.recovery.doubt(bel.evidence, likelihood)
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws)
-        shifts = self._shifts(drawn)
+            likelihood = self._likelihood(drawn[0], z)
+        estimates = [log_sum_exp(d.log_weights) - float(np.log(len(d.log_before))) for d in drawn]
+        shifts = self._shifts(estimates, [len(d.log_before) for d in drawn])
         particles = Particles.normalized(
-            np.concatenate(drawn.states, axis=1),
-            np.concatenate([w + shift for w, shift in zip(drawn.log_weights, shifts, strict=True)]),
+            np.concatenate([d.states for d in drawn], axis=1),
+            np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
         )
-        likelihood = float(np.exp(drawn.estimates[0] / readings))
         evidence = bel.evidence.updated(likelihood, self.recovery.rates)
-        info = StepInfo(len(particles), particles.ess, drawn.estimates[0], alpha, doubt)
+        info = StepInfo(len(particles), particles.ess, estimates[0], alpha, doubt)
         return Belief(particles, evidence), info
 
     def _draw(
         self, bel: Belief, u: Any, z: Any, alpha: float, doubt: float, draws: Draws
-    ) -> "_Drawn":
-        """Weighted particles of every part, not yet normalized."""
+    ) -> list[Weighed]:
+        """The particles of every part."""
         target = Target(
             bel.particles, u, z, alpha, doubt, self.motion, self.sensor, self.environment
         )
@@ -118,19 +127,28 @@ class ParticleFilter:
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))
             drawn.append(draw(source, part.size, n, self.space))
-        states, log_weights = zip(*drawn, strict=True)
-        estimates = [log_sum_exp(w) - float(np.log(len(w))) for w in log_weights]
-        return _Drawn(list(states), list(log_weights), estimates)
+        return drawn
 
-    def _shifts(self, drawn: "_Drawn") -> list[float]:
+    def _likelihood(self, drawn: Weighed, z: Any) -> float:
+        """Mean of p(z | x)^(1/readings) over the predictive density, the likelihood of one reading.
+
+        Of one, so that scans of any length and novelty compare.
+        """
+        total = log_sum_exp(drawn.log_before)
+        if not np.isfinite(total):
+            return 0.0
+        weights = np.exp(drawn.log_before - total)
+        return float((weights * np.exp(drawn.log_likelihoods / self.sensor.readings(z))).sum())
+
+    def _shifts(self, estimates: list[float], sizes: list[int]) -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
 
         Within a group a particle of part k weighs φ_k / N_k; then each group is brought to its
         share Σ φ.
         """
         phis = np.array([part.phi for part in self.parts])
-        evidence = np.log(phis) + np.array(drawn.estimates)
-        shifts = np.log(phis) - np.log([len(w) for w in drawn.log_weights])
+        evidence = np.log(phis) + np.array(estimates)
+        shifts = np.log(phis) - np.log(sizes)
         for group in {part.group for part in self.parts}:
             members = np.array([part.group == group for part in self.parts])
             total = log_sum_exp(evidence[members])
@@ -139,18 +157,7 @@ class ParticleFilter:
         return [float(shift) for shift in shifts]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Drawn:
-    """One entry a part; estimates: log of the mean weight."""
-
-    states: list[States]
-    log_weights: list[LogWeights]
-    estimates: list[float]
-
-
-def draw(
-    source: Source, rule: SampleSize, n: int | None, space: StateSpace
-) -> tuple[States, LogWeights]:
+def draw(source: Source, rule: SampleSize, n: int | None, space: StateSpace) -> Weighed:
     """n weighted particles, or as many as the rule asks for where n is None.
 
     They are drawn in chunks, but where drawing stops depends on the particles alone, not on the
@@ -161,10 +168,14 @@ def draw(
     counter, drawn, chunks = rule.counter(space), 0, []
     while True:
         count = rule.fixed or max(1024, drawn // 4)
-        states, log_weights = source(drawn, count)
-        enough = counter.enough(states, log_weights)
-        chunks.append((states[:, :enough], log_weights[:enough]))
+        chunk = source(drawn, count)
+        enough = counter.enough(chunk.states, chunk.log_weights)
+        chunks.append(chunk.first(enough))
         if enough is not None:
             break
         drawn += count
-    return np.concatenate([s for s, _ in chunks], axis=1), np.concatenate([w for _, w in chunks])
+    return Weighed(
+        np.concatenate([c.states for c in chunks], axis=1),
+        np.concatenate([c.log_before for c in chunks]),
+        np.concatenate([c.log_likelihoods for c in chunks]),
+    )

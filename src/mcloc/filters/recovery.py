@@ -12,20 +12,20 @@ from mcloc.registry import Configurable, Registry, param
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Short and long running average of the predictive likelihood per reading; 0 before the first.
+    """Short and long running average of the likelihood of one reading; None before the first.
 
-    The likelihood (1/N) Σ p(z | x^(i)) is taken per independent reading, that is to the power
-    1/readings, so that scans of any length compare.
+    Of one reading, the mean of p(z | x)^(1/readings) over the predictive density, so that scans of
+    any length and novelty compare.
     """
 
-    fast: float = 0.0
-    slow: float = 0.0
+    fast: float | None = None
+    slow: float | None = None
 
     def updated(self, likelihood: float, rates: tuple[float, float]) -> "Evidence":
         """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3]; the first scan starts
         both.
         """
-        if self.slow == 0.0:
+        if self.fast is None or self.slow is None:
             return Evidence(likelihood, likelihood)
         fast, slow = rates
         return Evidence(
@@ -86,7 +86,7 @@ class NoRandomParticles(Configurable):
 class RandomParticles(NoRandomParticles):
     """A constant share of random particles [Fox99; Fox01 §19.3.4]."""
 
-    share: float = param(0.05, "", "share of random particles", low=0, high=1)
+    share: float = param(0.02, "", "share of random particles", low=0, high=1)
 
     def alpha(self, evidence: Evidence) -> float:
         return self.share
@@ -106,11 +106,13 @@ class Augmented(NoRandomParticles):
         return _shortfall(evidence.fast, evidence.slow, self.below)
 
 
-def _shortfall(now: float, usual: float, below: float) -> float:
+def _shortfall(now: float | None, usual: float | None, below: float) -> float:
     """By how much `now` falls short of the share `below` of what is usual: 0 … 1, 0 where nothing
     is usual yet.
     """
-    return max(0.0, 1.0 - now / (below * usual)) if usual > 0.0 and below > 0.0 else 0.0
+    if now is None or usual is None or below * usual == 0.0:
+        return 0.0
+    return max(0.0, 1.0 - now / (below * usual))
 
 
 RECOVERIES: Registry[Recovery] = Registry(

@@ -31,8 +31,7 @@ def _odometry(fields: Fields) -> Odometry:
 
 
 def _scan(fields: Fields) -> Scan:
-    if len(fields) != 7:  # a sweep of no beams at all is whole
-        expect(fields, BEAMS + 7)
+    expect(fields, BEAMS + 7)
     robot, ranges = _pose(fields[:3]), METRE * floats(fields[6:-1])
     return Scan(
         t=float(fields[-1]),

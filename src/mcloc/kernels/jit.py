@@ -26,7 +26,7 @@ than it saves."""
 def _default_threads() -> int:
     """MCLOC_NUM_THREADS, or as many as there are processors."""
     wanted = os.environ.get("MCLOC_NUM_THREADS", "")
-    if wanted and not (wanted.isdigit() and int(wanted) > 0):
+    if wanted and not (wanted.isascii() and wanted.isdigit() and int(wanted) > 0):
         raise ConfigError(f"MCLOC_NUM_THREADS must be a whole number >= 1, got {wanted!r}")
     return int(wanted) if wanted else os.cpu_count() or 1
 

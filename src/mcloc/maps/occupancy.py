@@ -14,6 +14,8 @@ UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
 
+LEAST_CELL, LARGEST_CELL = 1e-3, 100.0  # m; beyond, a unit is wrong
+
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
@@ -40,8 +42,11 @@ class OccupancyGrid:
             raise MapError(
                 f"{self.name}: cells must be a table of height × width, got {cells.shape}"
             )
-        if not (np.isfinite(self.resolution) and self.resolution > 0):
-            raise MapError(f"{self.name}: resolution must be > 0 m/cell, got {self.resolution}")
+        if not LEAST_CELL <= self.resolution <= LARGEST_CELL:
+            raise MapError(
+                f"{self.name}: resolution must be from {LEAST_CELL} to {LARGEST_CELL} m/cell, "
+                f"got {self.resolution}"
+            )
         if origin.shape != (3,) or not np.isfinite(origin).all():
             raise MapError(f"{self.name}: origin must be [x, y, yaw], got {self.origin}")
         if not 0.0 <= self.free_thresh < self.occupied_thresh <= 1.0:

@@ -16,6 +16,7 @@ from mcloc.kernels.odometry import apply_moves, sample_moves, undo_moves
 from mcloc.registry import Configurable, param
 from mcloc.statespace import LogWeights, States
 
+LARGEST = 10.0  # of any deviation, in its own unit
 _WRAPS = 2.0 * np.pi * np.arange(-2, 3)
 
 
@@ -43,21 +44,21 @@ class OdometryMotion(Configurable):
     alone, so π(x_t | u) = 1 everywhere.
     """
 
-    alpha1: float = param(0.15, "rad/rad", "turning error per turning", low=0)
-    alpha2: float = param(0.05, "rad/m", "turning error per driving", low=0)
-    alpha3: float = param(0.10, "m/m", "driving error per driving", low=0)
-    alpha4: float = param(0.02, "m/rad", "driving error per turning", low=0)
-    sigma_rot_min: float = param(0.01, "rad", "turning error of any move", above=0)
-    sigma_trans_min: float = param(0.01, "m", "driving error of any move", above=0)
+    alpha1: float = param(0.15, "rad/rad", "turning error per turning", low=0, high=LARGEST)
+    alpha2: float = param(0.05, "rad/m", "turning error per driving", low=0, high=LARGEST)
+    alpha3: float = param(0.10, "m/m", "driving error per driving", low=0, high=LARGEST)
+    alpha4: float = param(0.02, "m/rad", "driving error per turning", low=0, high=LARGEST)
+    sigma_rot_min: float = param(0.01, "rad", "turning error of any move", above=0, high=LARGEST)
+    sigma_trans_min: float = param(0.01, "m", "driving error of any move", above=0, high=LARGEST)
     p_reverse: float = param(0.0, "", "chance that the robot drove the other way", low=0, high=0.5)
-    loose: float = param(5.0, "", "factor on all deviations in the doubted model", low=1)
+    loose: float = param(5.0, "", "factor on all deviations in the doubted model", low=1, high=100)
 
     def doubted(self) -> "OdometryMotion":
         """The model for wheels that must have lied: they slipped, or count turns without seeing
         their direction.
         """
         factors = {
-            name: self.loose * getattr(self, name)
+            name: min(self.loose * getattr(self, name), LARGEST)
             for name in ("alpha1", "alpha2", "alpha3", "alpha4", "sigma_rot_min", "sigma_trans_min")
         }
         return replace(self, **factors, p_reverse=0.5)
@@ -76,20 +77,14 @@ class OdometryMotion(Configurable):
             trans, rot1 = -trans, float(wrap(rot1 + np.pi))
         rot2 = float(wrap(dtheta - rot1))
         turned = abs(rot1) + abs(rot2)
-        drift = (self.alpha2 * trans) ** 2 + self.sigma_rot_min**2
+        rot_min, drift = self.sigma_rot_min, self.alpha2 * trans
         return Decomposition(
             rot1,
             trans,
             rot2,
-            float(np.sqrt((self.alpha1 * rot1) ** 2 + drift)),
-            float(
-                np.sqrt(
-                    (self.alpha3 * trans) ** 2
-                    + (self.alpha4 * turned) ** 2
-                    + self.sigma_trans_min**2
-                )
-            ),
-            float(np.sqrt((self.alpha1 * rot2) ** 2 + drift)),
+            math.hypot(self.alpha1 * rot1, drift, rot_min),
+            math.hypot(self.alpha3 * trans, self.alpha4 * turned, self.sigma_trans_min),
+            math.hypot(self.alpha1 * rot2, drift, rot_min),
         )
 
     def sample(self, x: States, u: NDArray[np.float64], draws: Draws, first: int) -> States:

@@ -6,9 +6,8 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.proposals.target import Target
-from mcloc.protocols import Source
+from mcloc.protocols import Source, Weighed
 from mcloc.resampling import Resampler
-from mcloc.statespace import LogWeights, States
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +24,12 @@ class Forward:
         """
         ancestry = self.resampler(target.particles, n, draws)
 
-        def source(first: int, count: int) -> tuple[States, LogWeights]:
+        def source(first: int, count: int) -> Weighed:
             ancestors = ancestry.of(first, count)
             states = target.sample_predictive(ancestors, draws, first)
-            log_weights = target.log_weight(states)
+            before = target.environment.log_prior(states)
             if ancestry.log_weights is not None:
-                log_weights += ancestry.log_weights[ancestors] + np.log(len(target.particles))
-            return states, log_weights
+                before = before + ancestry.log_weights[ancestors] + np.log(len(target.particles))
+            return Weighed(states, before, target.sensor.log_likelihood(states, target.z))
 
         return source, ancestry.n

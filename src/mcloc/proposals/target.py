@@ -10,7 +10,7 @@ import numpy as np
 from mcloc.draws import Draws, Stream
 from mcloc.particles import Particles
 from mcloc.protocols import Environment, Indices, MotionModel, SensorModel
-from mcloc.statespace import LogWeights, States
+from mcloc.statespace import States
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,3 @@ class Target:
         if self.alpha > 0.0:
             states = np.where(random < self.alpha, self.environment.sample(draws, first, n), states)
         return states
-
-    def log_weight(self, x: States) -> LogWeights:
-        """(n,): log p(z | x) p(x | m), what a sample of the predictive density weighs."""
-        return self.sensor.log_likelihood(x, self.z) + self.environment.log_prior(x)

@@ -33,14 +33,14 @@ class LikelihoodField(Configurable):
     """
 
     grid: OccupancyGrid
-    sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", above=0, high=5)
+    sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", low=1e-3, high=5)
     z_rand: float = param(
         0.1, "", "p of a reading that no wall explains, a perfect one being 1", above=0, high=1
     )
     z_unknown: float = param(0.05, "", "the same where the map is unknown", above=0, high=1)
     max_beams: int = param(60, "", "most beams used of a scan", low=1)
     effective_beams: float = param(
-        12.0, "", "independent beams that the used ones are worth", above=0
+        12.0, "", "independent beams that the used ones are worth", above=0, high=1e4
     )
 
     @property
