@@ -84,8 +84,9 @@ def test_one_bin_needs_no_more_than_the_minimum():
     assert feed(KLD(minimum=12), SE2, np.full((3, 100), 0.01), 5) == 12
 
 
-def test_a_maximum_below_the_minimum_yields_to_it():
-    assert feed(KLD(minimum=50, maximum=20), SE2, np.full((3, 100), 0.01), 7) == 50
+def test_a_maximum_below_the_minimum_is_refused():
+    with pytest.raises(ConfigError, match=r"KLD\.maximum = 20 must be >= KLD\.minimum = 50"):
+        KLD(minimum=50, maximum=20)
 
 
 @pytest.mark.parametrize("particles", [0, -3, 2.5])

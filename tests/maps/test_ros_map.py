@@ -144,9 +144,9 @@ def test_an_image_elsewhere(tmp_path):
     ("field", "value", "reason"),
     [
         ("resolution", None, "has no resolution"),
-        ("resolution", "0", "resolution must be > 0"),
-        ("resolution", "-0.05", "resolution must be > 0"),
-        ("resolution", "nan", "resolution must be > 0"),
+        ("resolution", "0", "resolution must be from"),
+        ("resolution", "-0.05", "resolution must be from"),
+        ("resolution", "nan", "resolution must be from"),
         ("resolution", "fine", "resolution must be a number, got 'fine'"),
         ("resolution", "[1]", "resolution must be a number"),
         ("image", None, "has no image"),

@@ -33,7 +33,7 @@ def test_lines_are_x_and_one_is_free(read):
     ("content", "reason"),
     [
         ("global_map[0]: 1 1\n1.0\n", "has no line robot_specifications->resolution"),
-        ("robot_specifications->resolution 0\nglobal_map[0]: 1 1\n1\n", "resolution must be > 0"),
+        ("robot_specifications->resolution 0\nglobal_map[0]: 1 1\n1\n", "resolution must be from"),
         ("robot_specifications->resolution x\nglobal_map[0]: 1 1\n1\n", "line 1: .*numbers"),
         (HEADER + "global_map[0]: 800\n", "line 4: .*numbers"),
         (HEADER + "global_map[0]: 0 5\n", "line 4: a map of 0 × 5"),

@@ -26,7 +26,7 @@ def shown() -> Iterator[Callable[["Estimate"], None]]:
     )
 
     def compiling() -> None:
-        console.print("first run: compiling the kernels, once; about half a minute ...")
+        console.print("first run: compiling the kernels, once; some ten seconds ...")
 
     with (
         announced(compiling),
