@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from mcloc.errors import ConfigError
-from mcloc.registry import Configurable, Registry, param, parameters, suggest, values
+from mcloc.registry import Configurable, Registry, param, parameters, suggest
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ GADGETS = Registry("gadget", {"gadget": Gadget})
 def test_parameters_are_the_fields_made_with_param():
     assert [f.name for f in parameters(Gadget)] == ["sigma", "share", "count", "mode", "on"]
     made = GADGETS.make("gadget", "the map", sigma=2, mode="fast")
-    assert values(made) == {"sigma": 2.0, "share": 0.1, "count": 3, "mode": "fast", "on": True}
+    made_with = {f.name: getattr(made, f.name) for f in parameters(made)}
+    assert made_with == {"sigma": 2.0, "share": 0.1, "count": 3, "mode": "fast", "on": True}
     assert made.bound == "the map"
 
 

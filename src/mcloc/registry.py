@@ -36,11 +36,6 @@ def parameters(part: Any) -> Iterator[dataclasses.Field[Any]]:
     return (f for f in dataclasses.fields(part) if "unit" in f.metadata)
 
 
-def values(part: Any) -> dict[str, Value]:
-    """The parameters of a part as it was built."""
-    return {f.name: getattr(part, f.name) for f in parameters(part)}
-
-
 class Configurable:
     """Base of every registered part: checks its parameters when it is built."""
 
