@@ -107,3 +107,10 @@ def test_what_is_no_file(tmp_path):
     for path in (tmp_path, tmp_path / "missing.csv"):
         with pytest.raises(TruthError, match=str(path)):
             read_trajectory(path)
+
+
+def test_a_pose_beyond_the_planet_is_refused(tmp_path):
+    path = tmp_path / "far.csv"
+    path.write_text("t,x,y,theta\n0,0,0,0\n1,1e200,0,0\n")
+    with pytest.raises(TruthError, match=r"far\.csv, line 3: x and y must be below"):
+        read_trajectory(path)

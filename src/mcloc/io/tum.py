@@ -14,6 +14,7 @@ POSE = ("t", "x", "y", "theta")
 COVARIANCE = [f"cov_{pair}" for pair in ("xx", "xy", "xt", "xy", "yy", "yt", "xt", "yt", "tt")]
 
 _Table = NDArray[np.float64]
+FAR = 1e9  # m; a trajectory on this planet is shorter
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
@@ -23,7 +24,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
     cov_tt and share are taken where they are there, other columns are left. In TUM, height, roll
     and pitch are left. Poses out of order are sorted; of several with one stamp the first counts.
     Raises TruthError for a file that is missing, unreadable, empty or neither, and for a pose that
-    is not finite.
+    is not finite or absurdly far off.
     """
     text = TextFile(str(path), TruthError)
     lines = [(i, s) for i, line in text.lines() if (s := line.strip()) and not s.startswith("#")]
@@ -98,6 +99,9 @@ def _trajectory(
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise text.fault(numbers[int(np.argmin(finite))], "stamp and pose must be finite numbers")
+    near = np.abs(rows[:, 1:3]).max(axis=1) < FAR
+    if not near.all():
+        raise text.fault(numbers[int(np.argmin(near))], f"x and y must be below {FAR:g} m")
     t, first = np.unique(rows[:, 0], return_index=True)
     poses = rows[first, 1:]
     poses[:, 2] = wrap(poses[:, 2])
