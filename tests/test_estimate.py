@@ -55,7 +55,7 @@ def test_one_elongated_belief_is_one_hypothesis(sigma, turn):
         rng = np.random.default_rng(seed)
         x = cloud(rng, (0.0, 0.0, 0.3), sigma, 100_000)
         x[:2] = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ x[:2]
-        n = KLD().counter(SE2).enough(x, np.zeros(x.shape[1]))
+        n = KLD().counter(SE2, 0, 0).enough(x, np.zeros(x.shape[1]))
         assert hypotheses(Particles.equal(x[:, :n]), SE2)[0].share > 0.95
 
 

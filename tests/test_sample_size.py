@@ -35,7 +35,7 @@ def stopping_index(states, rule, sides):
 
 
 def feed(rule, space, states, chunk):
-    counter, done = rule.counter(space), 0
+    counter, done = rule.counter(space, 0, 0), 0
     while True:
         part = np.ascontiguousarray(states[:, done : done + chunk])
         enough = counter.enough(part, np.zeros(part.shape[1]))
@@ -67,7 +67,7 @@ def test_drawing_stops_at_the_exact_index_whatever_the_chunk(rule, chunk):
         weights = np.arange(float(first), first + n)
         return Weighed(states[:, first : first + n], np.zeros(n), weights)
 
-    drawn = draw(source, rule, rule.fixed, SE2)
+    drawn = draw(source, rule.counter(SE2, 0, 0), rule.fixed, rule.fixed)
     assert np.array_equal(drawn.states, states[:, :expected])
     assert np.array_equal(drawn.log_weights, np.arange(float(expected)))
 

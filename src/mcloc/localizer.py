@@ -20,7 +20,6 @@ from mcloc.geometry import Pose, between, compose, transported
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.odometry_buffer import OdometryBuffer
 from mcloc.registry import Configurable, param
-from mcloc.sensors.likelihood_field import is_return
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 FAR = 1e6  # m; no map reaches there
@@ -73,16 +72,13 @@ class Estimate:
     """Where the robot is at the stamp of a scan, map frame.
 
     t: seconds. hypotheses: most likely first, carried along by odometry since the update. update:
-    the last one. updated: whether it was made with this very scan. likelihood_fast,
-    likelihood_slow: short and long average of the likelihood per reading.
+    the last one. updated: whether it was made with this very scan.
     """
 
     t: float
     hypotheses: tuple[Hypothesis, ...]
     update: Update
     updated: bool
-    likelihood_fast: float
-    likelihood_slow: float
 
     @property
     def pose(self) -> Pose:
@@ -177,7 +173,7 @@ class Localizer:
             return "late scan"
         if scan.odometry is not None and not np.isfinite(scan.odometry).all():
             return "odometry not finite"
-        if not is_return(scan.ranges, scan.range_max).any():
+        if not scan.returned.any():
             return "scan without returns"
         return ""
 
@@ -207,10 +203,7 @@ class Localizer:
             u = np.zeros(3)
         assert self._update is not None
         moved = tuple(_carried(h, u) for h in self._update.hypotheses)
-        fast, slow = self.belief.evidence.fast, self.belief.evidence.slow
-        assert fast is not None
-        assert slow is not None
-        return Estimate(scan.t, moved, self._update, due, fast, slow)
+        return Estimate(scan.t, moved, self._update, due)
 
     def _measure(self, scan: Scan, u: NDArray[np.float64]) -> Update:
         began = time.perf_counter()

@@ -42,6 +42,9 @@ class SensorModel(Protocol):
     def readings(self, z: Any) -> float:
         """How many independent readings the likelihood takes z for, > 0."""
 
+    def source(self, z: Any) -> str:
+        """Which of the robot's sensors z comes from: likelihoods compare within one."""
+
     def explained(self, x: States, z: Any) -> NDArray[np.float64]:
         """(n,): the share of the readings that the map explains at each x, NaN where z has none."""
 
@@ -77,8 +80,8 @@ class SampleSize(Protocol):
     def fixed(self) -> int | None:
         """The number where it is known before drawing, else None."""
 
-    def counter(self, space: StateSpace) -> Counter:
-        """A new count for one sample set."""
+    def counter(self, space: StateSpace, step: int, nth: int) -> Counter:
+        """A new count for the nth sample set, from 0, that is drawn in a step."""
 
 
 class Weighed(NamedTuple):

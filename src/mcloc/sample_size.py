@@ -22,7 +22,7 @@ class Fixed(Configurable):
     def fixed(self) -> int | None:
         return self.particles
 
-    def counter(self, space: StateSpace) -> Counter:
+    def counter(self, space: StateSpace, step: int, nth: int) -> Counter:
         return _Until(self.particles)
 
 
@@ -69,7 +69,7 @@ class KLD(Configurable):
     def fixed(self) -> int | None:
         return None
 
-    def counter(self, space: StateSpace) -> Counter:
+    def counter(self, space: StateSpace, step: int, nth: int) -> Counter:
         sides = [self.bin_angle if circular else self.bin_length for circular in space.circular]
         return _KLDCounter(self, np.array(sides))
 

@@ -247,10 +247,10 @@ def test_a_size_does_not_depend_on_chunks(name, chunk):
     """It wants the same number of particles whatever the chunks they come in."""
     states = np.random.default_rng(4).normal(0.0, 0.1, (3, 40_000))
     rule = build("size", name)
-    expected = rule.counter(SE2).enough(states, np.zeros(40_000))
+    expected = rule.counter(SE2, 0, 0).enough(states, np.zeros(40_000))
     assert 1 <= expected <= 40_000
     assert rule.fixed in (None, expected)
-    counter, done, enough = rule.counter(SE2), 0, None
+    counter, done, enough = rule.counter(SE2, 0, 0), 0, None
     while enough is None:
         part = np.ascontiguousarray(states[:, done : done + chunk])
         enough = counter.enough(part, np.zeros(part.shape[1]))

@@ -45,6 +45,9 @@ class Colour:
     def log_likelihood(self, x, z):
         return np.log(likelihood(z))[x[0].astype(int)]
 
+    def source(self, z):
+        return "tile"
+
     def readings(self, z):
         return 1.0
 

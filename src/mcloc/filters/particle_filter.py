@@ -2,6 +2,7 @@
 §19.2.3, §19.3.3].
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -12,6 +13,7 @@ from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.proposals.target import Target
 from mcloc.protocols import (
+    Counter,
     Density,
     Environment,
     MotionModel,
@@ -50,10 +52,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Belief:
-    """What a particle filter carries from step to step."""
+    """What a particle filter carries from step to step. evidence: by sensor."""
 
     particles: Particles
-    evidence: Evidence = field(default_factory=Evidence)
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,8 @@ class StepInfo:
 
     n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of
     the first part, an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics.
-    doubt: the share of moves for which the wheels were not believed.
+    doubt: the share of moves for which the wheels were not believed. evidence: of the sensor that
+    was used, this measurement included. sizes: of all sample sets that were drawn, in order.
     """
 
     n: int
@@ -70,6 +73,8 @@ class StepInfo:
     log_evidence: float
     alpha: float
     doubt: float
+    evidence: Evidence
+    sizes: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,9 @@ class ParticleFilter:
         def source(first: int, n: int) -> Weighed:
             return Weighed(initial.sample(draws, first, n), np.zeros(n), np.zeros(n))
 
-        return Belief(Particles.equal(draw(source, self.parts[0].size, None, self.space).states))
+        size = self.parts[0].size
+        counter = size.counter(self.space, draws.step, 0)
+        return Belief(Particles.equal(draw(source, counter, size.fixed, None).states))
 
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
@@ -99,12 +106,15 @@ class ParticleFilter:
         A scan that is explained much worse than usual makes the step be drawn once more, with doubt
         in the wheels.
         """
-        alpha, doubt = self.recovery.alpha(bel.evidence), 0.0
-        drawn = self._draw(bel, u, z, alpha, doubt, draws)
+        source = self.sensor.source(z)
+        evidence = bel.evidence.get(source, Evidence())
+        alpha = self.recovery.alpha(evidence)
+        sizes: list[int] = []
+        drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         likelihood = self._likelihood(drawn[0], z)
-        doubt = self.recovery.doubt(bel.evidence, likelihood)
+        doubt = self.recovery.doubt(evidence, likelihood)
         if doubt > 0.0:
-            drawn = self._draw(bel, u, z, alpha, doubt, draws)
+            drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
             likelihood = self._likelihood(drawn[0], z)
         estimates = [log_sum_exp(d.log_weights) - float(np.log(len(d.log_before))) for d in drawn]
         shifts = self._shifts(estimates, [len(d.log_before) for d in drawn])
@@ -112,21 +122,32 @@ class ParticleFilter:
             np.concatenate([d.states for d in drawn], axis=1),
             np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
         )
-        evidence = bel.evidence.updated(likelihood, self.recovery.rates)
-        info = StepInfo(len(particles), particles.ess, estimates[0], alpha, doubt)
-        return Belief(particles, evidence), info
+        evidence = evidence.updated(likelihood, self.recovery.rates)
+        info = StepInfo(
+            len(particles), particles.ess, estimates[0], alpha, doubt, evidence, tuple(sizes)
+        )
+        return Belief(particles, {**bel.evidence, source: evidence}), info
 
     def _draw(
-        self, bel: Belief, u: Any, z: Any, alpha: float, doubt: float, draws: Draws
+        self,
+        bel: Belief,
+        u: Any,
+        z: Any,
+        alpha: float,
+        doubt: float,
+        draws: Draws,
+        sizes: list[int],
     ) -> list[Weighed]:
-        """The particles of every part."""
+        """The particles of every part; how many they are is added to `sizes`."""
         target = Target(
             bel.particles, u, z, alpha, doubt, self.motion, self.sensor, self.environment
         )
         drawn = []
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))
-            drawn.append(draw(source, part.size, n, self.space))
+            counter = part.size.counter(self.space, draws.step, len(sizes))
+            drawn.append(draw(source, counter, part.size.fixed, n))
+            sizes.append(len(drawn[-1].log_before))
         return drawn
 
     def _likelihood(self, drawn: Weighed, z: Any) -> float:
@@ -157,17 +178,17 @@ class ParticleFilter:
         return [float(shift) for shift in shifts]
 
 
-def draw(source: Source, rule: SampleSize, n: int | None, space: StateSpace) -> Weighed:
-    """n weighted particles, or as many as the rule asks for where n is None.
+def draw(source: Source, counter: Counter, first: int | None, n: int | None) -> Weighed:
+    """n weighted particles, or as many as the counter asks for where n is None.
 
-    They are drawn in chunks, but where drawing stops depends on the particles alone, not on the
-    chunks.
+    They are drawn in chunks, `first` of them to begin with, but where drawing stops depends on the
+    particles alone, not on the chunks.
     """
     if n is not None:
         return source(0, n)
-    counter, drawn, chunks = rule.counter(space), 0, []
+    drawn, chunks = 0, []
     while True:
-        count = rule.fixed or max(1024, drawn // 4)
+        count = first or max(1024, drawn // 4)
         chunk = source(drawn, count)
         enough = counter.enough(chunk.states, chunk.log_weights)
         chunks.append(chunk.first(enough))

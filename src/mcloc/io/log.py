@@ -65,7 +65,7 @@ class _FileLog:
                 continue
             if isinstance(event, Scan):
                 self._keep(mounts, event.mount)
-                useful = useful or _has_return(event)
+                useful = useful or bool(event.returned.any())
             yield event
         if not useful:
             raise LogError(
@@ -95,10 +95,6 @@ def _unusable(event: Event) -> str | None:
     if len(event.ranges) == 0:
         return "scan without beams"
     return None if np.isfinite(event.mount).all() else "mount not finite"
-
-
-def _has_return(scan: Scan) -> bool:
-    return bool(((scan.ranges > 0.0) & (scan.ranges < scan.range_max)).any())
 
 
 def _checked(mount: ArrayLike | None) -> Pose | None:

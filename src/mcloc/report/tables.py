@@ -45,8 +45,8 @@ def _row(e: Estimate) -> str:
             f"{info.ess:.3f}",
             f"{len(e.hypotheses)}",
             f"{e.hypotheses[0].share:.6f}",
-            f"{e.likelihood_fast:.9g}",
-            f"{e.likelihood_slow:.9g}",
+            f"{info.evidence.fast:.9g}",
+            f"{info.evidence.slow:.9g}",
             "" if np.isnan(explained) else f"{explained:.6f}",
         ]
     )

@@ -28,8 +28,7 @@ class LikelihoodField(Configurable):
     Beams are not independent: neighbours hit the same surface, and the same error of the map is met
     by scan after scan. The log-likelihood is therefore tempered, by β = effective_beams · novelty /
     (beams used), everywhere the same. Of each scan at most max_beams beams are used, evenly spread.
-    Readings that are no return (NaN, inf, ≤ 0, ≥ range_max) have no endpoint: they count among the
-    beams used but say nothing.
+    Readings that are no return have no endpoint: they count among the beams used but say nothing.
     """
 
     grid: OccupancyGrid
@@ -84,7 +83,7 @@ class LikelihoodField(Configurable):
         """
         beams = self.used_beams(z)
         ranges, angles = z.ranges[beams], z.angles[beams]
-        ok = is_return(ranges, z.range_max)
+        ok = z.returned[beams]
         r, a = ranges[ok], angles[ok] + z.mount[2]
         return np.stack([z.mount[0] + r * np.cos(a), z.mount[1] + r * np.sin(a)], axis=1)
 
@@ -99,6 +98,10 @@ class LikelihoodField(Configurable):
         """
         return self.effective_beams * z.novelty
 
+    def source(self, z: Scan) -> str:
+        """The laser's name."""
+        return z.source
+
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
         """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without
         returns.
@@ -107,9 +110,3 @@ class LikelihoodField(Configurable):
         if len(points) == 0:
             return np.full(x.shape[1], np.nan)
         return self._near.sum(x, points) / len(points)
-
-
-def is_return(ranges: NDArray[np.float64], range_max: float) -> NDArray[np.bool_]:
-    """Which readings are distances to something: finite, > 0 and below range_max."""
-    with np.errstate(invalid="ignore"):
-        return np.isfinite(ranges) & (ranges > 0.0) & (ranges < range_max)
