@@ -10,11 +10,12 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 .PHONY: demo test lint clean
 
 demo: .venv/mcloc.installed
-	@$(BIN)/python -c 'from mcloc.simulation import office_drive, write_drive; \
-		write_drive(office_drive(seed=1), "$(DEMO)")'
-	$(BIN)/mcloc run --map $(DEMO)/map.yaml --log $(DEMO)/log.gz --truth $(DEMO)/truth.csv \
-		--seed 1 --out $(DEMO)/run
-	@echo "picture: $(CURDIR)/$(DEMO)/run/run.png"
+	$(BIN)/mcloc simulate --world museum --people 15 --length 80 --kidnap-at 80 --seed 4 \
+		--out $(DEMO)
+	$(BIN)/mcloc run --map $(DEMO)/map.yaml --log $(DEMO)/log --truth $(DEMO)/truth.csv \
+		--seed 1 --out $(DEMO)/run --gif
+	@echo "picture:   $(CURDIR)/$(DEMO)/run/run.png"
+	@echo "animation: $(CURDIR)/$(DEMO)/run/run.gif"
 
 test: lint
 	$(BIN)/python -m pytest --cov --cov-report=term

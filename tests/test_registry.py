@@ -39,24 +39,29 @@ def test_values_take_the_type_of_the_default():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"sigma": 0.0}, r"Gadget\.sigma = 0\.0 m must be > 0"),
-        ({"sigma": -1.0}, r"Gadget\.sigma = -1\.0 m must be > 0"),
-        ({"sigma": math.nan}, r"Gadget\.sigma must be a number, got nan"),
-        ({"sigma": math.inf}, r"Gadget\.sigma must be a number, got inf"),
-        ({"sigma": "wide"}, r"Gadget\.sigma must be a number, got 'wide'"),
-        ({"sigma": True}, r"Gadget\.sigma must be a number, got True"),
-        ({"sigma": None}, r"Gadget\.sigma must be a number, got None"),
-        ({"share": 1.5}, r"Gadget\.share = 1\.5 must be >= 0 and <= 1"),
-        ({"count": 2.5}, r"Gadget\.count must be a whole number, got 2\.5"),
-        ({"count": 0}, r"Gadget\.count = 0 must be >= 1"),
-        ({"mode": "sideways"}, r"Gadget\.mode must be one of slow, fast, got 'sideways'"),
-        ({"mode": 3}, r"Gadget\.mode must be str, got 3"),
-        ({"on": 1}, r"Gadget\.on must be bool, got 1"),
+        ({"sigma": 0.0}, r"gadget\.sigma = 0\.0 m must be > 0"),
+        ({"sigma": -1.0}, r"gadget\.sigma = -1\.0 m must be > 0"),
+        ({"sigma": math.nan}, r"gadget\.sigma must be a number, got nan"),
+        ({"sigma": math.inf}, r"gadget\.sigma must be a number, got inf"),
+        ({"sigma": "wide"}, r"gadget\.sigma must be a number, got 'wide'"),
+        ({"sigma": True}, r"gadget\.sigma must be a number, got True"),
+        ({"sigma": None}, r"gadget\.sigma must be a number, got None"),
+        ({"share": 1.5}, r"gadget\.share = 1\.5 must be >= 0 and <= 1"),
+        ({"count": 2.5}, r"gadget\.count must be a whole number, got 2\.5"),
+        ({"count": 0}, r"gadget\.count = 0 must be >= 1"),
+        ({"mode": "sideways"}, r"gadget\.mode must be one of slow, fast, got 'sideways'"),
+        ({"mode": 3}, r"gadget\.mode must be str, got 3"),
+        ({"on": 1}, r"gadget\.on must be bool, got 1"),
     ],
 )
 def test_a_value_that_cannot_be_right_is_refused(setting, message):
     with pytest.raises(ConfigError, match=message):
         GADGETS.make("gadget", None, **setting)
+
+
+def test_a_part_that_is_built_as_a_class_is_named_as_that():
+    with pytest.raises(ConfigError, match=r"^Gadget\.count = 0 must be >= 1$"):
+        Gadget(None, count=0)
 
 
 def test_unknown_names_suggest_the_nearest():

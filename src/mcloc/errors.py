@@ -23,3 +23,7 @@ class ConfigError(McLocError):
 
 class FilterError(McLocError):
     """The filter was asked for something impossible: no particles, a NaN weight."""
+
+
+class StateError(McLocError):
+    """A saved state could not be read, or belongs to another map or run."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws
+from mcloc.particles import Particles
 from mcloc.statespace import LogWeights, States, StateSpace
 
 Indices = NDArray[np.intp]
@@ -64,6 +65,17 @@ class Environment(Density, Protocol):
 
     def log_prior(self, x: States) -> LogWeights:
         """(n,): log p(x | m), 0 where a robot can be, less where it hardly can."""
+
+
+Predictive = Callable[[int], Particles]
+"""n -> n particles of p(x_t | u_t, d_{0…t−1}), what is believed before the measurement."""
+
+
+class PeopleFilter(Protocol):
+    """Takes readings out of a measurement that the map cannot explain."""
+
+    def without_people(self, z: Any, predictive: Predictive) -> tuple[Any, float]:
+        """z without them, and the share of its returns that they are, 0 … 1."""
 
 
 class Counter(Protocol):

@@ -36,39 +36,51 @@ def parameters(part: Any) -> Iterator[dataclasses.Field[Any]]:
     return (f for f in dataclasses.fields(part) if "unit" in f.metadata)
 
 
+class ParameterError(ConfigError):
+    """A parameter that cannot be right. fault: what about it, beginning with its name.
+
+    A part that was built as a class is named as that, one from a registry as its user names it.
+    """
+
+    def __init__(self, owner: str, fault: str) -> None:
+        super().__init__(f"{owner}.{fault}")
+        self.fault = fault
+
+
 class Configurable:
     """Base of every registered part: checks its parameters when it is built."""
 
     def __post_init__(self) -> None:
         for field in parameters(self):
-            object.__setattr__(
-                self, field.name, _checked(type(self).__name__, field, getattr(self, field.name))
-            )
+            value = getattr(self, field.name)
+            fault = _fault(field, value)
+            if fault:
+                raise self.wrong(f"{field.name} {fault}")
+            kind: type = type(field.default)
+            object.__setattr__(self, field.name, kind(value))
+
+    def wrong(self, fault: str) -> ParameterError:
+        """The error to raise about a parameter; `fault` begins with its name."""
+        return ParameterError(type(self).__name__, fault)
 
 
-def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Value:
-    """`value` in the type of the field's default. Raises ConfigError if it cannot be right."""
+def _fault(field: dataclasses.Field[Any], value: Any) -> str:
+    """Why `value` cannot be right for the parameter, "" where it can."""
     kind: type = type(field.default)
     limits = field.metadata
-    where = f"{owner}.{field.name}"
     if kind is bool or kind is str:
         if not isinstance(value, kind):
-            raise ConfigError(f"{where} must be {kind.__name__}, got {value!r}")
+            return f"must be {kind.__name__}, got {value!r}"
         if limits["choices"] and value not in limits["choices"]:
-            raise ConfigError(
-                f"{where} must be one of {', '.join(limits['choices'])}, got {value!r}"
-            )
-        checked: Value = value
-        return checked
+            return f"must be one of {', '.join(limits['choices'])}, got {value!r}"
+        return ""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ConfigError(f"{where} must be a number, got {value!r}")
+        return f"must be a number, got {value!r}"
     if kind is int and value != int(value):
-        raise ConfigError(f"{where} must be a whole number, got {value!r}")
+        return f"must be a whole number, got {value!r}"
     if not (limits["low"] <= value <= limits["high"] and value > limits["above"]):
-        raise ConfigError(
-            f"{where} = {value} {limits['unit']}".rstrip() + f" must be {_range(limits)}"
-        )
-    return int(value) if kind is int else float(value)
+        return f"= {value} {limits['unit']}".rstrip() + f" must be {_range(limits)}"
+    return ""
 
 
 def _range(limits: Mapping[str, Any]) -> str:
@@ -97,7 +109,7 @@ class Registry(Generic[T]):
 
     def make(self, name: str, *bound: Any, **settings: Any) -> T:
         """Build a part: `bound` goes to its leading fields (the map), `settings` to its
-        parameters.
+        parameters. Raises ConfigError for parameters that it does not have or that cannot be right.
         """
         cls = self.get(name)
         known = {f.name for f in parameters(cls)}
@@ -106,7 +118,10 @@ class Registry(Generic[T]):
                 raise ConfigError(
                     f"{self.kind} {name!r} has no parameter {key!r}; {suggest(key, known)}"
                 )
-        return cls(*bound, **settings)
+        try:
+            return cls(*bound, **settings)
+        except ParameterError as error:
+            raise ParameterError(self.kind, error.fault) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parts)

@@ -2,17 +2,19 @@
 
 A resampler says which particle of the old set is the ancestor of the j-th new one. Each returns an
 `Ancestry`: asked for the new particles first … first + n − 1 it gives their ancestors, whatever the
-chunk.
+chunk. Most lay teeth u_j in [0, 1) against the cumulative weights; they differ in how evenly the
+teeth are spread.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
+from mcloc.errors import ConfigError
 from mcloc.particles import Particles
 from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights
@@ -35,11 +37,59 @@ class Ancestry:
 
 
 class Resampler(Protocol):
-    """Draws ancestors in proportion to the weights. n: how many, None where that is not known
-    yet.
+    """Draws ancestors in proportion to the weights."""
+
+    @property
+    def needs_n(self) -> bool:
+        """Whether it can only draw a number that is known beforehand."""
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        """n: how many, None where that is found while drawing."""
+
+
+def known_before(n: int | None) -> int:
+    """n. Raises ConfigError where it is found while drawing."""
+    if n is None:
+        raise ConfigError(
+            "this resampler must know beforehand how many particles are drawn: "
+            "choose --size fixed, or another --resampler"
+        )
+    return n
+
+
+@dataclass(frozen=True)
+class Multinomial(Configurable):
+    """Each ancestor by itself: independent uniform teeth."""
+
+    needs_n: ClassVar[bool] = False
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        search = _search(particles.weights)
+        return Ancestry(lambda first, count: search(_uniform(draws, first, count)), n)
+
+
+@dataclass(frozen=True)
+class Stratified(Configurable):
+    """One uniform tooth in each of n strata of equal width.
+
+    Where n is found while drawing, the strata are halved as the set grows: the first 2^k teeth lie
+    one in each of 2^k strata, and so does every later 2^k of them, counted from a multiple of 2^k
+    [Owen's scrambling of van der Corput's sequence: Randomly permuted (t, m, s)-nets and (t,
+    s)-sequences, 1995]. A set of n teeth consists of as many such blocks as n has binary ones.
     """
 
-    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry: ...
+    needs_n: ClassVar[bool] = False
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        search = _search(particles.weights)
+
+        def of(first: int, count: int) -> NDArray[np.intp]:
+            if n is None:
+                return search(_halving_teeth(draws, first + count)[first:])
+            j = np.arange(first, first + count, dtype=np.float64)
+            return search((j + _uniform(draws, first, count)) / n)
+
+        return Ancestry(of, n)
 
 
 @dataclass(frozen=True)
@@ -52,18 +102,70 @@ class Systematic(Configurable):
     comb [Kuipers, Niederreiter: Uniform distribution of sequences, ch. 2 §3].
     """
 
+    needs_n: ClassVar[bool] = False
+
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        cumulative = np.cumsum(particles.weights)
-        offset = float(draws.uniform(Stream.ANCESTOR, 0, 1)[0, 0])
+        search = _search(particles.weights)
+        offset = float(_uniform(draws, 0, 1)[0])
 
         def of(first: int, count: int) -> NDArray[np.intp]:
             j = np.arange(first, first + count, dtype=np.float64)
-            teeth = np.mod(offset + j * GOLDEN, 1.0) if n is None else (offset + j) / n
-            found = np.searchsorted(cumulative, teeth * cumulative[-1], side="right")
-            ancestors: NDArray[np.intp] = np.minimum(found, len(cumulative) - 1)
-            return ancestors
+            return search(np.mod(offset + j * GOLDEN, 1.0) if n is None else (offset + j) / n)
 
         return Ancestry(of, n)
+
+
+@dataclass(frozen=True)
+class Residual(Configurable):
+    """⌊n w⌋ descendants for certain, and independent ones in proportion to what remains of n w
+    [Liu, Chen: Sequential Monte Carlo methods for dynamic systems, JASA 1998].
+    """
+
+    needs_n: ClassVar[bool] = True
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        shares = known_before(n) * particles.weights
+        certain = np.floor(shares * (1.0 + 1e-12))  # n w = 1 may have been rounded down
+        kept = np.repeat(np.arange(len(particles)), certain.astype(np.intp))
+        rest = np.maximum(shares - certain, 0.0)
+
+        def of(first: int, count: int) -> NDArray[np.intp]:
+            ancestors = kept[first : first + count]
+            drawn = max(first, len(kept))
+            if drawn >= first + count:
+                return ancestors
+            teeth = _uniform(draws, drawn, first + count - drawn)
+            return np.concatenate([ancestors, _search(rest)(teeth)])
+
+        return Ancestry(of, n)
+
+
+ALWAYS: dict[str, type[Resampler]] = {
+    "systematic": Systematic,
+    "stratified": Stratified,
+    "residual": Residual,
+    "multinomial": Multinomial,
+}
+
+
+@dataclass(frozen=True)
+class WhenESSBelow:
+    """Another resampler, but only where ESS < share · N; else the set and its size are kept."""
+
+    share: float
+    resampler: Resampler
+
+    @property
+    def needs_n(self) -> bool:
+        return self.resampler.needs_n
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        size = len(particles)
+        if particles.ess < self.share * size:
+            return self.resampler(particles, n, draws)
+        return Ancestry(
+            lambda first, count: np.arange(first, first + count), size, particles.log_weights
+        )
 
 
 @dataclass(frozen=True)
@@ -73,22 +175,53 @@ class Selective(Configurable):
     """
 
     ess_below: float = param(0.5, "", "resample only where ESS / N is below", above=0, high=1)
-    resampler: Resampler = field(default_factory=Systematic)
+    method: str = param("systematic", "", "how to resample then", choices=tuple(ALWAYS))
+
+    @property
+    def needs_n(self) -> bool:
+        return ALWAYS[self.method]().needs_n
 
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        size = len(particles)
-        if particles.ess < self.ess_below * size:
-            return self.resampler(particles, n, draws)
-        return Ancestry(
-            lambda first, count: np.arange(first, first + count), size, particles.log_weights
-        )
+        return when_ess_below(self.ess_below, ALWAYS[self.method]())(particles, n, draws)
 
 
 def when_ess_below(share: float, resampler: Resampler) -> Resampler:
     """`resampler`, but only when ESS < share · N."""
-    return Selective(share, resampler)
+    return WhenESSBelow(share, resampler)
 
 
-RESAMPLERS: Registry[Resampler] = Registry(
-    "resampler", {"systematic": Systematic, "selective": Selective}
-)
+RESAMPLERS: Registry[Resampler] = Registry("resampler", {**ALWAYS, "selective": Selective})
+
+
+def _uniform(draws: Draws, first: int, count: int) -> NDArray[np.float64]:
+    """(count,): one uniform for each new particle, never 0 and never 1."""
+    uniform: NDArray[np.float64] = draws.uniform(Stream.ANCESTOR, first, count)[0]
+    return uniform
+
+
+def _search(weights: NDArray[np.float64]) -> Callable[[NDArray[np.float64]], NDArray[np.intp]]:
+    """Teeth in [0, 1] -> the particles at which they meet the cumulative weights; none of weight
+    0.
+    """
+    cumulative = np.cumsum(weights)
+    last = np.searchsorted(cumulative, cumulative[-1])  # the last that weighs anything
+
+    def search(teeth: NDArray[np.float64]) -> NDArray[np.intp]:
+        found = np.searchsorted(cumulative, teeth * cumulative[-1], side="right")
+        ancestors: NDArray[np.intp] = np.minimum(found, last)
+        return ancestors
+
+    return search
+
+
+def _halving_teeth(draws: Draws, n: int) -> NDArray[np.float64]:
+    """(n,): the first n teeth. Tooth 2^k + i lies in the half of the stratum of tooth i, 2^−k wide,
+    in which that one does not lie.
+    """
+    fresh = np.floor(_uniform(draws, 0, n) * 2.0**32).astype(np.int64)
+    teeth = fresh[:1]
+    for k in range((n - 1).bit_length()):
+        other = (teeth >> (31 - k)) ^ 1
+        jitter = fresh[len(teeth) : 2 * len(teeth)] >> (k + 1)
+        teeth = np.concatenate([teeth, (other[: len(jitter)] << (31 - k)) + jitter])
+    return (teeth.astype(np.float64) + 0.5) * 2.0**-32

@@ -1,5 +1,7 @@
 """What holds for every registered part, whatever it is called: run over the registries."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Scan
 from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
+from mcloc.filters.particle_filter import Belief
 from mcloc.geometry import compose
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.particles import Particles
@@ -36,8 +39,16 @@ def grid():
     return OccupancyGrid(cells.astype(np.int8), 0.1, np.array([-1.0, 2.0, 0.4]))
 
 
+NEEDED = {
+    ("size", "recorded"): {"file": str(Path(__file__).with_name("sizes.csv"))},
+    ("size", "time-budget"): {"maximum": 2000},  # its minimum: what the clock says does not matter
+}
+"""What some parts need to be built, and to do the same each time."""
+
+
 def build(kind, name, **settings):
-    bound = (grid(),) if kind in ("sensor", "environment") else ()
+    settings = {**NEEDED.get((kind, name), {}), **settings}
+    bound = (grid(),) if kind in ("sensor", "environment", "people") else ()
     return REGISTRIES[kind].make(name, *bound, **settings)
 
 
@@ -72,7 +83,8 @@ def test_every_part_has_a_docstring_and_valid_defaults(kind, name):
     assert not cls.__doc__.startswith(cls.__name__ + "(")  # a dataclass's own
     part = build(kind, name)
     for field in parameters(cls):
-        assert getattr(part, field.name) == field.default
+        given = NEEDED.get((kind, name), {})
+        assert getattr(part, field.name) == given.get(field.name, field.default)
         assert type(getattr(part, field.name)) is type(field.default)
 
 
@@ -80,7 +92,17 @@ def test_every_part_has_a_docstring_and_valid_defaults(kind, name):
 def test_every_parameter_has_a_unit_and_says_what_it_is(kind, name, parameter):
     field = field_of(kind, name, parameter)
     assert field.metadata["doc"].strip()
-    assert field.metadata["unit"] in {"", "m", "rad", "s", "m/m", "rad/m", "m/rad", "rad/rad"}
+    assert field.metadata["unit"] in {
+        "",
+        "m",
+        "rad",
+        "s",
+        "m/m",
+        "rad/m",
+        "m/rad",
+        "rad/rad",
+        "1/m",
+    }
 
 
 def wrong_values(field):
@@ -222,6 +244,22 @@ def test_a_sensor_does_not_depend_on_the_frame_of_the_map(name, x, z):
     assert np.mean(np.abs(a - b) > 1e-3) < 0.02
 
 
+# People
+
+
+@names("people")
+def test_a_filter_for_people_takes_returns_away_and_nothing_else(name, z):
+    states = build("environment", "free-space").sample(Draws(1), 0, 1000)
+    states[:, 1:] = states[:, :1]
+    bel, before = Particles.equal(states), z.ranges.copy()
+    cleaned, share = build("people", name).without_people(z, lambda n: bel)
+    assert np.array_equal(z.ranges, before, equal_nan=True)
+    kept = np.isclose(cleaned.ranges, before, rtol=0.0, atol=0.0, equal_nan=True)
+    assert np.isnan(cleaned.ranges[~kept]).all()
+    assert z.returned[~kept].all()
+    assert share == pytest.approx(np.sum(~kept) / z.returned.sum())
+
+
 # Environments
 
 
@@ -263,7 +301,12 @@ def test_a_size_does_not_depend_on_chunks(name, chunk):
 def test_a_resampler_gives_ancestors_whatever_the_chunk(name, n):
     log_weights = np.random.default_rng(5).normal(0.0, 3.0, 100)
     particles = Particles.normalized(np.zeros((3, 100)), log_weights)
-    ancestry = build("resampler", name)(particles, n, Draws(1, 1))
+    resampler = build("resampler", name)
+    if resampler.needs_n and n is None:
+        with pytest.raises(ConfigError, match="--size fixed"):
+            resampler(particles, n, Draws(1, 1))
+        return
+    ancestry = resampler(particles, n, Draws(1, 1))
     whole = ancestry.of(0, 300)
     assert whole.shape == (300,)
     assert np.issubdtype(whole.dtype, np.integer)
@@ -294,7 +337,8 @@ def test_a_resampler_is_unbiased(name):
 @pytest.mark.parametrize("size", list(REGISTRIES["size"]))
 def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):
     """Three steps: weights sum to 1, the belief given is left alone, a repeat is the same."""
-    built = Composition(filter_name, size=size, recovery=name).build(grid())
+    settings = {"size": NEEDED.get(("size", size), {})}
+    built = Composition(filter_name, size=size, recovery=name, settings=settings).build(grid())
     bel = built.start(built.environment, Draws(1))
     for step in (1, 2, 3):
         before = bel.particles.states.copy()
@@ -309,4 +353,33 @@ def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):
         assert 1.0 <= info.ess <= info.n * (1.0 + 1e-9)
         assert 0.0 <= info.alpha <= 1.0
         assert 0.0 <= info.doubt <= 1.0
+        assert 0.0 <= info.filtered <= 1.0
         bel = new
+
+
+@names("motion")
+@pytest.mark.parametrize("resampler", list(REGISTRIES["resampler"]))
+def test_a_filter_steps_with_every_motion_and_resampler(name, resampler, z):
+    built = Composition(motion=name, resampler=resampler, size="fixed").build(grid())
+    bel = built.start(built.environment, Draws(1))
+    for step in (1, 2):
+        bel, info = built.step(bel, MOVES[0], z, Draws(1, step))
+        assert info.n == 5000
+        assert np.isfinite(bel.particles.states).all()
+        assert bel.particles.weights.sum() == pytest.approx(1.0)
+
+
+@names("sensor")
+@pytest.mark.parametrize("people", list(REGISTRIES["people"]))
+def test_a_filter_steps_with_every_sensor_and_filter_for_people(name, people, z):
+    """From a belief that is sure of itself, twice the same."""
+    built = Composition(sensor=name, people=people, size="fixed").build(grid())
+    start = built.environment.sample(Draws(1), 0, 300)
+    start[:] = start[:, :1]
+    bel = Belief(Particles.equal(start))
+    new, info = built.step(bel, MOVES[0], z, Draws(1, 1))
+    again, _ = built.step(bel, MOVES[0], z, Draws(1, 1))
+    assert np.array_equal(new.particles.log_weights, again.particles.log_weights)
+    assert np.isfinite(new.particles.states).all()
+    assert new.particles.weights.sum() == pytest.approx(1.0)
+    assert info.filtered == 0.0 or people != "none"

@@ -54,6 +54,14 @@ def test_a_given_mount_replaces_every_scans(write):
     assert first.mount.tolist() == second.mount.tolist() == [0.1, 0.2, 0.3]
 
 
+def test_the_lasers_of_one_robot_have_names(write):
+    robotlaser = "ROBOTLASER1 0 -0.5 3 0.5 30 0.01 0 1 2.0 0 1 2 0 1 2 0 0 0 0 0 0 1.0 host 1.0\n"
+    lines = flaser() + flaser().replace("FLASER", "RLASER") + robotlaser
+    wean = "L 0 0 0 25 0 0 " + "100 " * 180 + "2\n"
+    assert [scan.source for scan in read_log(write(lines))] == ["front", "rear", "front"]
+    assert [scan.source for scan in read_log(write(wean))] == ["laser"]
+
+
 @pytest.mark.parametrize("mount", [(0.1, 0.2), (0.1, np.nan, 0.0)])
 def test_a_mount_must_be_a_pose(write, mount):
     with pytest.raises(ConfigError, match="mount must be"):
@@ -66,6 +74,11 @@ def test_a_laser_that_wanders_over_the_robot_needs_a_mount(write):
     with pytest.raises(LogError, match="--mount"):
         list(read_log(path))
     assert len(list(read_log(path, mount=(0.0, 0.0, 0.0)))) == 10
+
+
+def test_scans_that_are_skipped_say_nothing_of_the_mount(write):
+    bad = "".join(flaser(x="nan", laser_x=x) for x in range(10))
+    assert len(list(read_log(write(bad + flaser())))) == 1
 
 
 @pytest.mark.parametrize(

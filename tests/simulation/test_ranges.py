@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from mcloc.geometry import compose
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.simulation import office_world, ranges
+from mcloc.simulation.ranges import first_walls, rays
 
 RESOLUTION = 0.1
 WIDTH, HEIGHT = 4.0, 3.0  # m, between the walls of the room
@@ -89,3 +90,36 @@ def test_unknown_cells_and_the_outside_let_beams_through() -> None:
 
 def test_a_sensor_inside_a_wall_measures_nothing_but_zero() -> None:
     np.testing.assert_array_equal(ranges(room(), [[0.05, 0.05, 0.3]], [0.0, 1.0], 5.0), [[0, 0]])
+
+
+def test_the_wall_that_is_hit_and_which_way_it_faces() -> None:
+    grid = room()
+    start, direction = rays(grid, [[1.05, 2.05, 0.0]], np.radians([0.0, 90.0, 180.0, -90.0, 50.0]))
+    hits = first_walls(grid.occupied, RESOLUTION, start, direction, 20.0)
+    assert hits.cell.T.tolist()[:4] == [[41, 20], [10, 31], [0, 20], [10, 0]]
+    assert hits.axis.tolist() == [0, 1, 0, 1, 1]
+    end = start + hits.length * direction
+    np.testing.assert_allclose(end[1, 4], RESOLUTION + HEIGHT)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_leaps_over_what_is_empty_miss_nothing(seed: int) -> None:
+    """Against a walk through every cell, on scattered walls and from outside too."""
+    rng = np.random.default_rng(seed)
+    cells = np.where(rng.random((30, 40)) < 0.02, OCCUPIED, FREE).astype(np.int8)
+    grid = OccupancyGrid(cells, 1.0, np.zeros(3))
+    poses = rng.uniform((-5, -5, -np.pi), (45, 35, np.pi), (20, 3))
+    found = ranges(grid, poses, [0.0], 60.0)[:, 0]
+    for pose, length in zip(poses, found, strict=True):
+        heading = np.array([np.cos(pose[2]), np.sin(pose[2])])
+        borders = [(np.arange(-9, 50) - pose[k]) / heading[k] for k in (0, 1)]
+        crossed = np.sort(np.concatenate([[0.0], *borders]))
+        crossed = crossed[crossed >= 0.0]
+        middles = pose[:2] + (crossed[:-1] + crossed[1:])[:, None] / 2 * heading
+        column, row = np.floor(middles).astype(int).T
+        within = (column >= 0) & (column < 40) & (row >= 0) & (row < 30)
+        solid = within & grid.occupied[np.clip(row, 0, 29), np.clip(column, 0, 39)]
+        # A cell of which a beam cuts a corner by less than rounding may be missed by either.
+        solid &= np.diff(crossed) > 1e-9
+        expected = crossed[solid.argmax()] if solid.any() else np.inf
+        assert length == pytest.approx(expected if expected < 60.0 else np.inf, abs=1e-6)

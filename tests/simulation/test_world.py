@@ -1,57 +1,100 @@
-"""The generated floor: closed, connected, unlike its mirror images."""
+"""The generated floors: closed, connected, and unlike their mirror images or just like them."""
 
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from mcloc.errors import ConfigError
-from mcloc.simulation import office_world
-from mcloc.simulation.world import DOOR, ROOMS_ABOVE, ROOMS_BELOW
+from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.simulation import WORLDS, museum_world, office_world
+from mcloc.simulation.museum import AROUND
+from mcloc.simulation.office import DOOR
 
 SEEDS = range(12)
+ALL = pytest.mark.parametrize("name", WORLDS)
 
 
+def regions(world: OccupancyGrid, clearance: float) -> tuple[np.ndarray, int]:
+    """Where one can be this many metres from all that is not free, in connected parts."""
+    to_wall = ndimage.distance_transform_edt(world.free) * world.resolution
+    return ndimage.label(to_wall > clearance, np.ones((3, 3)))
+
+
+@ALL
 @pytest.mark.parametrize("seed", SEEDS)
-def test_walls_close_the_floor_off(seed: int) -> None:
-    world = office_world(seed)
+def test_walls_close_the_floor_off(name: str, seed: int) -> None:
+    world = WORLDS[name](seed)
     touched = ndimage.binary_dilation(world.free, np.ones((3, 3)))
     assert not (touched & world.unknown).any()
 
 
+@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("rooms", [3, 9, 14])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_robot_gets_into_every_room(seed: int) -> None:
-    world = office_world(seed)
-    to_wall = ndimage.distance_transform_edt(world.free) * world.resolution
-    reachable, _ = ndimage.label(to_wall > 0.35, np.ones((3, 3)))
-    wider_than_doors, n = ndimage.label(to_wall > DOOR / 2 + 0.1, np.ones((3, 3)))
-    assert n >= ROOMS_BELOW + ROOMS_ABOVE + 1
+def test_a_robot_gets_into_every_room(seed: int, rooms: int, symmetric: bool) -> None:
+    world = office_world(seed, rooms=rooms, symmetric=symmetric)
+    reachable, _ = regions(world, 0.35)
+    wider_than_doors, n = regions(world, DOOR / 2 + 0.1)
+    assert n >= rooms + 1
     assert len(np.unique(reachable[wider_than_doors > 0])) == 1
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_no_half_turn_or_mirror_image_fits(seed: int) -> None:
-    walls = office_world(seed).occupied
+def test_halls_are_wide_and_wide_open(seed: int) -> None:
+    world = museum_world(seed)
+    _, n = regions(world, AROUND / 2 - 0.1)
+    assert n == 1
+    to_wall = ndimage.distance_transform_edt(world.free) * world.resolution
+    assert to_wall.max() > 2.0
+    # Walls, showcases and pillars: more things than the frame of walls.
+    assert ndimage.label(world.occupied)[1] > 20
+
+
+@pytest.mark.parametrize("world", [office_world, museum_world])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_half_turn_or_mirror_image_fits(world, seed: int) -> None:  # type: ignore[no-untyped-def]
+    walls = world(seed).occupied
     for image in (walls[::-1, ::-1], walls[::-1], walls[:, ::-1]):
         assert (walls & ~image).sum() > 0.15 * walls.sum()
 
 
-def test_the_seed_is_the_world() -> None:
-    assert (office_world(1).cells == office_world(1).cells).all()
-    assert (office_world(1).cells != office_world(2).cells).any()
+@pytest.mark.parametrize("resolution", [0.03, 0.05, 0.1])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_half_a_turn_maps_a_symmetric_floor_onto_itself(seed: int, resolution: float) -> None:
+    world = office_world(seed, resolution, symmetric=True)
+    np.testing.assert_array_equal(world.cells, world.cells[::-1, ::-1])
+    assert (world.cells != world.cells[::-1]).any()
+    assert (world.cells != world.cells[:, ::-1]).any()
 
 
+@ALL
+def test_the_seed_is_the_world(name: str) -> None:
+    world = WORLDS[name]
+    assert (world(1).cells == world(1).cells).all()
+    assert (world(1).cells != world(2).cells).any()
+
+
+@pytest.mark.parametrize(
+    ("world", "width", "depth"), [(office_world, 20.0, 15.0), (museum_world, 40.0, 30.0)]
+)
 @pytest.mark.parametrize("resolution", [0.05, 0.1])
-def test_the_floor_measures_20_by_15_metres(resolution: float) -> None:
-    world = office_world(0, resolution)
-    rows, columns = np.nonzero(~world.unknown)
-    assert np.ptp(columns) + 1 == round(20.0 / resolution)
-    assert np.ptp(rows) + 1 == round(15.0 / resolution)
-    assert world.state_at([0.01, 0.01, 0.0]) == "occupied"
-    assert world.state_at([-0.01, -0.01, 0.0]) == "unknown"
-    assert world.state_at([10.0, 7.0, 0.0]) == "free"
+def test_a_floor_measures_what_it_should(world, width, depth, resolution) -> None:  # type: ignore[no-untyped-def]
+    floor = world(0, resolution)
+    rows, columns = np.nonzero(~floor.unknown)
+    assert np.ptp(columns) + 1 == round(width / resolution)
+    assert np.ptp(rows) + 1 == round(depth / resolution)
+    assert floor.state_at([0.01, 0.01, 0.0]) == "occupied"
+    assert floor.state_at([-0.01, -0.01, 0.0]) == "unknown"
 
 
+def test_more_rooms_make_a_wider_floor() -> None:
+    assert office_world(0, rooms=17).cells.shape[1] > office_world(0).cells.shape[1]
+    with pytest.raises(ConfigError, match="rooms"):
+        office_world(0, rooms=2)
+
+
+@pytest.mark.parametrize("world", [office_world, museum_world])
 @pytest.mark.parametrize("resolution", [0.0, -0.05, 0.2, float("nan")])
-def test_a_resolution_that_leaves_no_walls_is_refused(resolution: float) -> None:
+def test_a_resolution_that_leaves_no_walls_is_refused(world, resolution: float) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(ConfigError, match="resolution"):
-        office_world(0, resolution)
+        world(0, resolution)

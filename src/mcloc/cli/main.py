@@ -6,8 +6,10 @@ import typer
 
 from mcloc import __version__
 from mcloc.cli.eval import evaluate_files
+from mcloc.cli.info import show_info
 from mcloc.cli.models import show_models
 from mcloc.cli.run import run
+from mcloc.cli.simulate import simulate_drive
 from mcloc.errors import McLocError
 
 # The class of "no such option" and its like; typer names none, and its home moved between versions.
@@ -50,6 +52,8 @@ app = typer.Typer(
 )
 app.command("run")(run)
 app.command("eval")(evaluate_files)
+app.command("info")(show_info)
+app.command("simulate")(simulate_drive)
 app.command("models")(show_models)
 
 

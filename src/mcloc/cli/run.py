@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from mcloc.cli.values import pose, settings
-from mcloc.errors import ConfigError, McLocError
+from mcloc.cli.job import Job, execute
+from mcloc.cli.values import pose, seconds, settings, topics
+from mcloc.errors import ConfigError
 
 _Option = typer.Option
 
@@ -14,11 +15,28 @@ _Option = typer.Option
 def run(
     map: Annotated[
         str | None,
-        _Option(metavar="FILE", help="The map: a ROS map's .yaml, or a wean.dat; gzip or not."),
+        _Option(
+            metavar="FILE",
+            help="The map: a ROS map's .yaml, or a wean.dat; gzip or not. The map of a bag is "
+            "asked for by --topic map=/map.",
+        ),
     ] = None,
     log: Annotated[
         str | None,
-        _Option(metavar="FILE", help="The recorded log: CARMEN or Wean Hall, gzip or not."),
+        _Option(
+            metavar="FILE",
+            help="The recorded log: a ROS 1 or ROS 2 bag (file or folder), or CARMEN or Wean Hall, "
+            "gzip or not.",
+        ),
+    ] = None,
+    topic: Annotated[
+        list[str] | None,
+        _Option(
+            metavar="ROLE=NAME",
+            help="A topic of a bag, for the roles scan (may be repeated: all lasers work "
+            "together), odometry, map and truth, such as scan=/base_scan. Scans and odometry are "
+            "found by type where this names none.",
+        ),
     ] = None,
     initial: Annotated[
         str | None,
@@ -67,7 +85,8 @@ def run(
         str | None,
         _Option(
             metavar="NAME",
-            help="How many particles: kld (as many as the spread of the belief needs) or fixed.",
+            help="How many particles: kld (as many as the spread of the belief needs), fixed, "
+            "likelihood-sum or time-budget.",
         ),
     ] = None,
     particles: Annotated[
@@ -82,7 +101,15 @@ def run(
         str | None,
         _Option(
             metavar="NAME",
-            help="systematic, or selective: only where the effective sample size is low.",
+            help="systematic, stratified, residual, multinomial, or selective: only where the "
+            "effective sample size is low.",
+        ),
+    ] = None,
+    people: Annotated[
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="What is done about people in the scans: none, distance or entropy.",
         ),
     ] = None,
     mount: Annotated[
@@ -110,6 +137,14 @@ def run(
             "options given beside it win.",
         ),
     ] = None,
+    nav2_params: Annotated[
+        Path | None,
+        _Option(
+            metavar="FILE",
+            help="Take what can be taken from the parameters of amcl (nav2 or ROS 1) in a YAML "
+            "file, and say what cannot; options given beside it win.",
+        ),
+    ] = None,
     seed: Annotated[
         int | None,
         _Option(metavar="S", help="Of the random numbers: the same seed, the same estimates."),
@@ -123,6 +158,31 @@ def run(
         _Option(metavar="DIR", help="The folder for the results; its files are replaced."),
     ] = Path("mcloc-out"),
     plot: Annotated[bool, _Option("--plot/--no-plot", help="Draw run.png.")] = True,
+    gif: Annotated[bool, _Option("--gif", help="Draw run.gif: the run as a short film.")] = False,
+    record: Annotated[
+        bool,
+        _Option(
+            "--record",
+            help="Record map, poses, particles, scans and path as a ROS 2 bag (MCAP) in the folder "
+            "recording, for Foxglove, Lichtblick or ROS 2.",
+        ),
+    ] = False,
+    checkpoint_every: Annotated[
+        str | None,
+        _Option(
+            metavar="TIME",
+            help="Save the run so often, such as 60s or 5m, so that --resume can go on after a "
+            "crash.",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        _Option(
+            "--resume",
+            help="Go on with the run that was saved in the folder of --out; the results are those "
+            "of an uninterrupted run.",
+        ),
+    ] = False,
     json: Annotated[
         bool, _Option("--json", help="Print summary.json to stdout, and nothing else.")
     ] = False,
@@ -146,6 +206,13 @@ def run(
       mcloc run --config mcloc-out/config.yaml --out other
         --set sensor.sigma_hit=0.1
 
+    Use a bag with its own map, by both of its lasers, and survive a crash:
+
+    \b
+      mcloc run --log drive.mcap --topic map=/map --topic scan=/front
+        --topic scan=/rear --checkpoint-every 60s --out result
+      mcloc run --resume --out result
+
     The folder of --out gets trajectory.tum, estimates.csv, timing.csv, summary.json, config.yaml
     and run.png. If the log is cut in the middle, or the run is interrupted, they hold the results
     so far. Exit codes: 0 done, 2 the input was wrong, 130 interrupted.
@@ -155,6 +222,7 @@ def run(
     given: dict[str, Any] = {
         "map": map,
         "log": log,
+        "topics": topics(topic or []) or None,
         "truth": truth,
         "initial": pose("--initial", initial),
         "initial_sigma": pose("--initial-sigma", initial_sigma),
@@ -169,56 +237,24 @@ def run(
         "size": size,
         "recovery": recovery,
         "resampler": resampler,
+        "people": people,
     }
     flags = {key: value for key, value in given.items() if value is not None}
     if search:
         flags["initial"] = None
-    _execute(config, flags, particles, settings(assignments or []), out, plot, json)
-
-
-def _execute(
-    file: Path | None,
-    flags: dict[str, Any],
-    particles: int | None,
-    assigned: dict[str, dict[str, str]],
-    out: Path,
-    plot: bool,
-    json: bool,
-) -> None:
-    """Make the run; write what it found, also where it breaks off."""
-    from mcloc.cli.progress import shown
-    from mcloc.cli.story import told
-    from mcloc.config import RunConfig, limited, merged, read_entries
-    from mcloc.report import Run, check_folder, write_run
-    from mcloc.report.summary import to_json
-
-    entries = merged({} if file is None else read_entries(file), flags)
-    if particles is not None:
-        entries = limited(entries, particles)
-    entries = merged(entries, {"settings": assigned})
-    for needed in ("map", "log"):
-        if needed not in entries:
-            raise ConfigError(f"which {needed}? Give --{needed} FILE, or --config with one in it")
-    if "initial_sigma" in flags and entries.get("initial") is None:
-        raise ConfigError("--initial-sigma is about --initial: give both, or neither")
-    config = RunConfig(**entries)
-    check_folder(out)
-    failure: BaseException | None = None
-    current: Run | None = None
-    try:
-        with shown() as show:
-            current = Run(config)
-            for estimate in current:
-                show(estimate)
-    except (McLocError, KeyboardInterrupt) as cause:
-        failure = cause
-    if current is not None and current.estimates:
-        try:
-            summary = write_run(current, out, plot)
-            typer.echo(to_json(summary) if json else told(summary, out, plot), nl=False)
-        except McLocError as cause:
-            failure = failure or cause
-        if failure is not None:
-            typer.echo(f"results up to t = {current.estimates[-1].t:.3f} s are in {out}", err=True)
-    if failure is not None:
-        raise failure
+    execute(
+        Job(
+            config,
+            nav2_params,
+            flags,
+            particles,
+            settings(assignments or []),
+            out,
+            plot,
+            gif,
+            record,
+            json,
+            None if checkpoint_every is None else seconds("--checkpoint-every", checkpoint_every),
+            resume,
+        )
+    )

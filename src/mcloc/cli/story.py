@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+_PICTURES = {"picture": "run.png", "film": "run.gif", "recording": "recording"}
 
-def told(summary: dict[str, Any], out: Path, plot: bool) -> str:
+
+def told(summary: dict[str, Any], out: Path) -> str:
     """What a run found, and where to look at it."""
-    return "".join(f"{line}\n" for line in _lines(summary, out, plot))
+    return "".join(f"{line}\n" for line in _lines(summary, out))
 
 
 def told_accuracy(accuracy: dict[str, Any]) -> str:
@@ -16,7 +18,7 @@ def told_accuracy(accuracy: dict[str, Any]) -> str:
     return "".join(f"{line}\n" for line in _accuracy(accuracy))
 
 
-def _lines(summary: dict[str, Any], out: Path, plot: bool) -> Iterator[str]:
+def _lines(summary: dict[str, Any], out: Path) -> Iterator[str]:
     speed, distance = summary["realtime_factor"], summary["distance_m"]
     driven = "" if distance is None else f", {distance:.1f} m"
     quick = "" if speed is None else f", {speed:.3g} × real time"
@@ -31,8 +33,9 @@ def _lines(summary: dict[str, Any], out: Path, plot: bool) -> Iterator[str]:
     if summary["accuracy"] is not None:
         yield from _accuracy(summary["accuracy"])
     yield f"results    {out}"
-    if plot:
-        yield f"picture    {out / 'run.png'}"
+    for what, name in _PICTURES.items():
+        if (out / name).exists():
+            yield f"{what:10} {out / name}"
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterator[str]:

@@ -6,6 +6,8 @@ from mcloc.errors import ConfigError
 
 Triple = tuple[float, float, float]
 
+_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+
 
 def pose(option: str, text: str | None) -> Triple | None:
     """`X,Y,THETA_DEG` as metres and radians. Raises ConfigError for anything else."""
@@ -33,3 +35,26 @@ def settings(assignments: list[str]) -> dict[str, dict[str, str]]:
             )
         found.setdefault(part, {})[parameter] = value.strip()
     return found
+
+
+def topics(assignments: list[str]) -> dict[str, str | list[str]]:
+    """Each `role=topic` as {role: topic}, a list where a role has several. Raises ConfigError."""
+    found: dict[str, list[str]] = {}
+    for assignment in assignments:
+        role, equals, name = (word.strip() for word in assignment.partition("="))
+        if not (equals and role and name):
+            raise ConfigError(f"--topic takes role=name, such as scan=/scan; got {assignment!r}")
+        found.setdefault(role, []).append(name)
+    return {role: names[0] if len(names) == 1 else names for role, names in found.items()}
+
+
+def seconds(option: str, text: str) -> float:
+    """`90`, `90s`, `5m` or `1h` in seconds. Raises ConfigError for anything else."""
+    number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")
+    try:
+        value = float(number) * _UNITS[unit]
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < math.inf:
+        raise ConfigError(f"{option} takes a time such as 90s, 5m or 1h, got {text!r}")
+    return value

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from mcloc.config.run_config import RunConfig, Triple
+from mcloc.config.yaml_file import read_yaml
 from mcloc.errors import ConfigError
 from mcloc.filters.catalog import REGISTRIES
 from mcloc.registry import parameters, suggest
-from mcloc.textfile import TextFile
 
 
 def read_entries(path: str | Path) -> dict[str, Any]:
@@ -18,17 +18,11 @@ def read_entries(path: str | Path) -> dict[str, Any]:
 
     Raises ConfigError, with the file and the entry, for unknown keys and values of a wrong kind.
     """
-    import yaml
+    return checked(str(path), read_yaml(path))
 
-    text = TextFile(str(path), ConfigError)
-    try:
-        loaded = yaml.safe_load("".join(line for _, line in text.lines()))
-    except (yaml.YAMLError, ValueError, RecursionError) as cause:
-        mark = getattr(cause, "problem_mark", None)
-        line = "" if mark is None else f", line {mark.line + 1}"
-        raise ConfigError(f"{path}{line}: not YAML; is this the right file?") from cause
-    if not isinstance(loaded, dict):
-        raise ConfigError(f"{path}: holds no entries; give lines such as `map: map.yaml`")
+
+def checked(path: str, loaded: Mapping[Any, Any]) -> dict[str, Any]:
+    """The same of what such a file holds; path: for messages."""
     known = [f.name for f in fields(RunConfig)]
     for key in loaded:
         if key not in known:
@@ -60,6 +54,8 @@ def limited(entries: Mapping[str, Any], particles: int) -> dict[str, Any]:
         raise ConfigError(f"a filter needs at least one particle, got {particles}")
     size = REGISTRIES["size"].get(entries.get("size", RunConfig.size))
     defaults = {f.name: f.default for f in parameters(size)}
+    if "particles" not in defaults and "maximum" not in defaults:
+        raise ConfigError("--particles: recorded sizes are what the file says; leave it out")
     wanted = {"particles": particles}
     if "particles" not in defaults:
         given = entries.get("settings", {}).get("size", {})
@@ -105,6 +101,17 @@ def _settings(where: str, value: object) -> dict[str, dict[str, Any]]:
     return {str(part): {str(k): v for k, v in of.items()} for part, of in value.items()}
 
 
+def _topics(where: str, value: object) -> dict[str, str | list[str]]:
+    if not isinstance(value, dict):
+        raise ConfigError(f"{where} must hold role: topic, got {value!r}")
+    return {
+        str(role): [_text(f"{where}.{role}", name) for name in names]
+        if isinstance(names, list)
+        else _text(f"{where}.{role}", names)
+        for role, names in value.items()
+    }
+
+
 _READERS: dict[str, Callable[[str, object], Any]] = {
     "initial": _triple,
     "initial_sigma": _triple,
@@ -114,4 +121,5 @@ _READERS: dict[str, Callable[[str, object], Any]] = {
     "seed": _whole,
     "threads": _whole,
     "settings": _settings,
+    "topics": _topics,
 }

@@ -6,7 +6,7 @@ not at the one that the configuration lies in.
 
 import math
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, cast
 
@@ -18,10 +18,17 @@ from mcloc.registry import Value, parameters, suggest
 Triple = tuple[float, float, float]
 Settings = Mapping[str, Mapping[str, Value]]
 
+Topics = Mapping[str, str | Sequence[str]]
+
+TOPICS = ("scan", "odometry", "map", "truth")
+"""What a topic of a bag can be for."""
+
 PARTS = (*REGISTRIES, "update")
 """What has parameters to set; `update` says when a scan is used."""
 
 _NOTES = {
+    "map": "null: the topic of the log that `topics` names",
+    "topics": "of a bag, by role: scan, odometry, map, truth; none: found by type",
     "initial": "x, y, theta in m, m, rad; null: search on the whole map",
     "initial_sigma": "standard deviations in m, m, rad",
     "start": "s, stamp of the log; null: its beginning",
@@ -35,7 +42,9 @@ _NOTES = {
 class RunConfig:
     """A run that can be made and repeated.
 
-    map, log, truth: paths. initial: start pose in the map frame, None for global localization;
+    map, log, truth: paths. topics: {role: name} of a bag, for the roles TOPICS; "scan" may have
+    several names; without them scans and odometry are found by type, and map and truth are
+    files. initial: start pose in the map frame, None for global localization;
     initial_sigma: its standard deviations. start, end: stamps of the log between which it is used.
     mount: the laser's pose on the robot, None for what the log says. seed: None for a fresh one.
     threads: None for one a core. filter … recovery: names of parts. settings: {part: {parameter:
@@ -44,9 +53,10 @@ class RunConfig:
     Raises ConfigError for unknown names and parameters, and for values of a wrong kind.
     """
 
-    map: str
+    map: str | None
     log: str
     truth: str | None = None
+    topics: Topics = field(default_factory=dict)
     initial: Triple | None = None
     initial_sigma: Triple = (0.5, 0.5, math.radians(15.0))
     start: float | None = None
@@ -61,6 +71,7 @@ class RunConfig:
     size: str = Composition.size
     resampler: str = Composition.resampler
     recovery: str = Composition.recovery
+    people: str = Composition.people
     settings: Settings = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -69,6 +80,7 @@ class RunConfig:
         for part in self.settings:
             if part not in PARTS:
                 raise ConfigError(f"unknown part {part!r}; {suggest(part, PARTS)}")
+        self._check_topics()
         if self.threads is not None and self.threads < 1:
             raise ConfigError(f"threads must be >= 1, got {self.threads}")
         start = -math.inf if self.start is None else self.start
@@ -78,6 +90,18 @@ class RunConfig:
         settings = {part: self._typed(part) for part in PARTS}
         object.__setattr__(self, "settings", {part: of for part, of in settings.items() if of})
 
+    def _check_topics(self) -> None:
+        for role in self.topics:
+            if role not in TOPICS:
+                raise ConfigError(f"unknown role {role!r} of a topic; {suggest(role, TOPICS)}")
+            if role != "scan" and not isinstance(self.topics[role], str):
+                raise ConfigError(f"only one topic can be the {role}, got {self.topics[role]}")
+        for role, path in (("map", self.map), ("truth", self.truth)):
+            if path is not None and role in self.topics:
+                raise ConfigError(f"{role} is given twice, as a file and as a topic: give one")
+        if self.map is None and "map" not in self.topics:
+            raise ConfigError("which map? Give a file, or the topic of a bag that holds one")
+
     def resolved(self) -> "RunConfig":
         """The same run with a seed, and with the value of each parameter spelt out."""
         settings = {
@@ -85,6 +109,15 @@ class RunConfig:
         }
         seed = secrets.randbits(32) if self.seed is None else self.seed
         return replace(self, seed=seed, settings=settings)
+
+    def topic(self, role: str) -> str:
+        """The one topic of a role that has one."""
+        return str(self.topics[role])
+
+    @property
+    def sensor_topics(self) -> Topics:
+        """Those that hold events."""
+        return {role: names for role, names in self.topics.items() if role in ("scan", "odometry")}
 
     @property
     def composition(self) -> Composition:

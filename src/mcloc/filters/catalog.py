@@ -7,13 +7,14 @@ from typing import Any
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
 from mcloc.filters.particle_filter import Part, ParticleFilter
+from mcloc.filters.people import PEOPLE
 from mcloc.filters.recovery import RECOVERIES, Recovery
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.forward import Forward
-from mcloc.protocols import Environment, MotionModel, SampleSize, SensorModel
+from mcloc.protocols import Environment, MotionModel, PeopleFilter, SampleSize, SensorModel
 from mcloc.registry import Registry, Value, suggest
-from mcloc.resampling import RESAMPLERS, Resampler
+from mcloc.resampling import RESAMPLERS, Resampler, known_before
 from mcloc.sample_size import SIZES
 from mcloc.sensors import SENSORS
 
@@ -25,10 +26,13 @@ def mcl(
     size: SampleSize,
     resampler: Resampler,
     recovery: Recovery,
+    people: PeopleFilter,
 ) -> ParticleFilter:
     """Monte Carlo localization [Fox01 §19.2.3; Fox99]."""
+    if resampler.needs_n:
+        known_before(size.fixed)
     part = Part(1.0, Forward(resampler), size)
-    return ParticleFilter(motion, sensor, environment, (part,), recovery)
+    return ParticleFilter(motion, sensor, environment, (part,), recovery, people=people)
 
 
 FILTERS: dict[str, Callable[..., ParticleFilter]] = {"mcl": mcl}
@@ -40,6 +44,7 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "size": SIZES,
     "resampler": RESAMPLERS,
     "recovery": RECOVERIES,
+    "people": PEOPLE,
 }
 
 
@@ -54,6 +59,7 @@ class Composition:
     size: str = "kld"
     resampler: str = "systematic"
     recovery: str = "augmented"
+    people: str = "none"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid) -> ParticleFilter:
@@ -72,6 +78,7 @@ class Composition:
             size=self._part("size"),
             resampler=self._part("resampler"),
             recovery=self._part("recovery"),
+            people=self._part("people", grid),
         )
 
     def _part(self, kind: str, *bound: object) -> Any:

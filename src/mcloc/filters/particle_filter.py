@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mcloc.draws import Draws
+from mcloc.filters.people import NoPeopleFilter
 from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.proposals.target import Target
@@ -17,11 +18,14 @@ from mcloc.protocols import (
     Density,
     Environment,
     MotionModel,
+    PeopleFilter,
+    Predictive,
     SampleSize,
     SensorModel,
     Source,
     Weighed,
 )
+from mcloc.resampling import Systematic
 from mcloc.statespace import SE2, StateSpace
 
 
@@ -66,6 +70,7 @@ class StepInfo:
     the first part, an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics.
     doubt: the share of moves for which the wheels were not believed. evidence: of the sensor that
     was used, this measurement included. sizes: of all sample sets that were drawn, in order.
+    filtered: the share of the measurement's returns that were left out, for people or their like.
     """
 
     n: int
@@ -75,6 +80,7 @@ class StepInfo:
     doubt: float
     evidence: Evidence
     sizes: tuple[int, ...]
+    filtered: float
 
 
 @dataclass(frozen=True)
@@ -89,12 +95,14 @@ class ParticleFilter:
     parts: tuple[Part, ...]
     recovery: Recovery = field(default_factory=NoRandomParticles)
     space: StateSpace = SE2
+    people: PeopleFilter = field(default_factory=NoPeopleFilter)
 
     def start(self, initial: Density, draws: Draws) -> Belief:
         """Particles drawn from an initial density, as many as the first part's size asks for."""
 
         def source(first: int, n: int) -> Weighed:
-            return Weighed(initial.sample(draws, first, n), np.zeros(n), np.zeros(n))
+            # No scan has weighed them yet.
+            return Weighed(initial.sample(draws, first, n), np.zeros(n), np.full(n, -np.inf))
 
         size = self.parts[0].size
         counter = size.counter(self.space, draws.step, 0)
@@ -109,6 +117,7 @@ class ParticleFilter:
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
         alpha = self.recovery.alpha(evidence)
+        z, filtered = self.people.without_people(z, self._predictive(bel, u, draws))
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         likelihood = self._likelihood(drawn[0], z)
@@ -124,9 +133,32 @@ class ParticleFilter:
         )
         evidence = evidence.updated(likelihood, self.recovery.rates)
         info = StepInfo(
-            len(particles), particles.ess, estimates[0], alpha, doubt, evidence, tuple(sizes)
+            len(particles),
+            particles.ess,
+            estimates[0],
+            alpha,
+            doubt,
+            evidence,
+            tuple(sizes),
+            filtered,
         )
         return Belief(particles, {**bel.evidence, source: evidence}), info
+
+    def _predictive(self, bel: Belief, u: Any, draws: Draws) -> Predictive:
+        """Particles for looking at a measurement beforehand, with random numbers of their own.
+
+        Neither random particles nor doubted moves are among them: what is taken for people is
+        judged by what the filter believes, not by what it holds possible.
+        """
+
+        def sample(n: int) -> Particles:
+            own = draws.of_part(len(self.parts))
+            ancestors = Systematic()(bel.particles, n, own).of(0, n)
+            old = np.take(bel.particles.states, ancestors, axis=1)
+            states = self.motion.sample(old, u, own, 0)
+            return Particles.normalized(states, self.environment.log_prior(states))
+
+        return sample
 
     def _draw(
         self,

@@ -34,15 +34,18 @@ COINCIDE = 1e-6  # m, rad: the logs' own precision
 
 @dataclass(frozen=True)
 class _Side:
-    """What PARAM lines call one of the two lasers, and where it faces unless they tell."""
+    """One of the two lasers: its name, what PARAM lines call it, and where it faces unless they
+    tell.
+    """
 
+    name: str
     offset: str
     range_max: str
     facing: float
 
 
-_FRONT = _Side("robot_frontlaser", "robot_front_laser_max", 0.0)
-_REAR = _Side("robot_rearlaser", "robot_rear_laser_max", np.pi)
+_FRONT = _Side("front", "robot_frontlaser", "robot_front_laser_max", 0.0)
+_REAR = _Side("rear", "robot_rearlaser", "robot_rear_laser_max", np.pi)
 
 
 @dataclass
@@ -80,6 +83,7 @@ class _Carmen:
             range_max=_range_max(self._number(side.range_max, RANGE_MAX)),
             mount=self._mount(side, floats(tail[:3]), robot),
             odometry=robot,
+            source=side.name,
         )
 
     def robot_laser(self, fields: Fields) -> Scan:
@@ -95,6 +99,7 @@ class _Carmen:
             range_max=_range_max(float(fields[4])),
             mount=self._mount(_FRONT, floats(tail[:3]), robot),
             odometry=robot,
+            source=_FRONT.name,
         )
 
     def _mount(self, side: _Side, laser: Pose, robot: Pose) -> Pose:

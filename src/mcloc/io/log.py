@@ -1,8 +1,9 @@
 """Recorded logs of any known format, as events in the order of the file."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +12,40 @@ from numpy.typing import ArrayLike
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Event, Log, Odometry, Scan
 from mcloc.geometry import Pose
+from mcloc.io.bag_files import find_bag
+from mcloc.io.bag_log import Topics, bag_events
 from mcloc.io.carmen import CARMEN
-from mcloc.io.messages import Format
+from mcloc.io.messages import Format, Skipped
 from mcloc.io.wean import WEAN
 from mcloc.textfile import TextFile
 
-FORMATS: tuple[Format, ...] = (CARMEN, WEAN)
+FORMATS: tuple[Format, ...] = (CARMEN, WEAN)  # of text logs
 
 MOST_MOUNTS = 4  # lasers on one robot
 SAME_MOUNT = 0.05  # m, rad
 
 
-def read_log(path: str | Path, mount: ArrayLike | None = None) -> Log:
-    """The log in a file, gzip or not, its format told by its content.
+def read_log(path: str | Path, mount: ArrayLike | None = None, topics: Topics | None = None) -> Log:
+    """The log in a file or a bag's folder, its format told by its content; text may be gzip.
 
     mount: (3,) x, y in metres, θ in radians: the laser's pose in the robot's frame, instead of what
-    the log says. Raises LogError for a file that is missing, unreadable, empty or no known log;
-    ConfigError for a mount that is no pose.
+    the log says. topics: which topics of a ROS bag to read, of the roles scan (one or several) and
+    odometry; by default those whose type fits. Raises LogError for a file that is missing,
+    unreadable, empty or no known log, and for a bag without scans or odometry; ConfigError for a
+    mount that is no pose and for topics that are not there or leave a choice.
     """
+    at = _checked(mount)
+    if (bag := find_bag(path)) is not None:
+        return _FileLog(str(path), bag_events(bag, at, topics))
     text = TextFile(str(path), LogError)
     lines = [line.split() for line in text.head()]
     for candidate in FORMATS:
         if any(candidate.recognizes(words) for words in lines if words):
-            return _FileLog(text.path, text, candidate, _checked(mount))
+            if topics:
+                raise ConfigError(f"{path}: topics are of ROS bags; this is {candidate.name}")
+            return _FileLog(text.path, partial(_text_events, text, candidate, at))
     known = ", ".join(known.name for known in FORMATS)
-    raise LogError(f"{path}: not a log that can be read; known formats: {known}")
+    raise LogError(f"{path}: not a log that can be read; known formats: {known}, ROS bags")
 
 
 @dataclass(eq=False)
@@ -47,41 +57,23 @@ class _FileLog:
     """
 
     path: str
-    text: TextFile
-    format: Format
-    mount: Pose | None
+    events: Callable[[Skipped], Iterator[Event]]
     skipped: dict[str, int] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Event]:
-        skipped: Counter[str] = Counter()
+        skipped: Skipped = Counter()
         self.skipped = skipped
-        mounts: list[Pose] = []
         useful = False
-        for event in self.format.events(self.text, skipped):
-            if self.mount is not None and isinstance(event, Scan):
-                event = replace(event, mount=self.mount)
+        for event in self.events(skipped):
             if reason := _unusable(event):
                 skipped[reason] += 1
                 continue
-            if isinstance(event, Scan):
-                self._keep(mounts, event.mount)
-                useful = useful or bool(event.returned.any())
+            useful = useful or (isinstance(event, Scan) and bool(event.returned.any()))
             yield event
         if not useful:
             raise LogError(
                 f"{self.path}: holds no scan with a return to localize with"
                 f" (skipped: {dict(skipped) or 'nothing'})"
-            )
-
-    def _keep(self, mounts: list[Pose], mount: Pose) -> None:
-        """A laser is bolted on; in logs with a corrected pose in its place it seems to wander."""
-        if any(np.abs(mount - known).max() <= SAME_MOUNT for known in mounts):
-            return
-        mounts.append(mount)
-        if len(mounts) > MOST_MOUNTS:
-            raise LogError(
-                f"{self.path}: the two poses of its scans put the laser at ever new places on the "
-                "robot; say where it sits with --mount X,Y,THETA_DEG"
             )
 
 
@@ -95,6 +87,32 @@ def _unusable(event: Event) -> str | None:
     if len(event.ranges) == 0:
         return "scan without beams"
     return None if np.isfinite(event.mount).all() else "mount not finite"
+
+
+def _text_events(
+    text: TextFile, kind: Format, mount: Pose | None, skipped: Skipped
+) -> Iterator[Event]:
+    """What a text log says, with the given mount or with those that it says itself."""
+    mounts: list[Pose] = []
+    for event in kind.events(text, skipped):
+        if isinstance(event, Scan):
+            if mount is not None:
+                event = replace(event, mount=mount)
+            elif _unusable(event) is None:
+                _keep(text.path, mounts, event.mount)
+        yield event
+
+
+def _keep(path: str, mounts: list[Pose], mount: Pose) -> None:
+    """A laser is bolted on; in logs with a corrected pose in its place it seems to wander."""
+    if any(np.abs(mount - known).max() <= SAME_MOUNT for known in mounts):
+        return
+    mounts.append(mount)
+    if len(mounts) > MOST_MOUNTS:
+        raise LogError(
+            f"{path}: the two poses of its scans put the laser at ever new places on the "
+            "robot; say where it sits with --mount X,Y,THETA_DEG"
+        )
 
 
 def _checked(mount: ArrayLike | None) -> Pose | None:

@@ -1,5 +1,6 @@
 """OccupancyGrid: free, occupied and unknown cells, and where they lie in the map frame."""
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -84,6 +85,14 @@ class OccupancyGrid:
     def unknown(self) -> NDArray[np.bool_]:
         """(height, width): neither."""
         return ~(self.occupied | self.free)
+
+    @cached_property
+    def checksum(self) -> str:
+        """SHA-256 of everything but the name."""
+        shape = (*self.cells.shape, self.resolution, self.occupied_thresh, self.free_thresh)
+        digest = hashlib.sha256(self.cells.tobytes())
+        digest.update(np.array([*shape, *self.origin]).tobytes())
+        return digest.hexdigest()
 
     def to_grid(self, poses: ArrayLike) -> Poses:
         """Map frame → grid frame (metres from the corner of cell (0, 0), along its axes)."""

@@ -1,18 +1,21 @@
 """A run as files in a folder. Each appears whole or not at all."""
 
-import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mcloc.config import RunConfig
 from mcloc.errors import ConfigError, TruthError
 from mcloc.io.tum import write_tum
 from mcloc.report.picture import draw
 from mcloc.report.run import Run
 from mcloc.report.summary import accuracy_of, summarize, to_json
-from mcloc.report.tables import estimates_csv, timing_csv, trajectory_of
+from mcloc.sample_size import sizes_csv
+from mcloc.storage import replacing
+
+SIZES = "sizes.csv"
 
 
 def check_folder(folder: Path) -> None:
@@ -37,19 +40,15 @@ def write_run(run: Run, folder: Path, plot: bool = True) -> dict[str, Any]:
     except TruthError as cause:
         useless = cause
     summary = summarize(run, accuracy)
-    texts = {
-        "estimates.csv": estimates_csv(run.estimates),
-        "timing.csv": timing_csv(run.estimates),
-        "summary.json": to_json(summary),
-        "config.yaml": run.config.to_yaml(),
-    }
-    for name, text in texts.items():
-        with _replacing(folder / name) as path:
-            path.write_text(text, encoding="utf-8")
-    with _replacing(folder / "trajectory.tum") as path:
-        write_tum(trajectory_of(run.estimates), path)
+    _write(folder / "estimates.csv", run.history.estimates_csv())
+    _write(folder / "timing.csv", run.history.timing_csv())
+    with replacing(folder / "summary.json") as path:
+        path.write_text(to_json(summary), encoding="utf-8")
+    with replacing(folder / "trajectory.tum") as path:
+        write_tum(run.history.trajectory, path)
+    _write_config(run, folder)
     if plot:
-        with _replacing(folder / "run.png") as path:
+        with replacing(folder / "run.png") as path:
             draw(run, path)
     else:
         (folder / "run.png").unlink(missing_ok=True)
@@ -58,14 +57,20 @@ def write_run(run: Run, folder: Path, plot: bool = True) -> dict[str, Any]:
     return summary
 
 
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """Somewhere to write what then takes the place of `path`."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    try:
-        yield unfinished
-        os.replace(unfinished, path)
-    except OSError as cause:
-        raise ConfigError(f"{path}: cannot be written ({cause.strerror})") from cause
-    finally:
-        unfinished.unlink(missing_ok=True)
+def _write_config(run: Run, folder: Path) -> None:
+    """The config that repeats the run: with the sizes that it had, where the clock chose them."""
+    config: RunConfig = run.config
+    if config.size == "time-budget":
+        with replacing(folder / SIZES) as path:
+            path.write_text(sizes_csv(run.history.sizes.table), encoding="utf-8")
+        settings = {**config.settings, "size": {"file": str(folder / SIZES)}}
+        config = replace(config, size="recorded", settings=settings)
+    else:
+        (folder / SIZES).unlink(missing_ok=True)
+    with replacing(folder / "config.yaml") as path:
+        path.write_text(config.to_yaml(), encoding="utf-8")
+
+
+def _write(file: Path, lines: Iterator[str]) -> None:
+    with replacing(file) as path, path.open("w", encoding="utf-8") as stream:
+        stream.writelines(f"{line}\n" for line in lines)

@@ -11,7 +11,6 @@ from mcloc.evaluation.accuracy import LOST_LIMITS
 from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.report.run import Run
-from mcloc.report.tables import trajectory_of
 from mcloc.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def draw(run: Run, path: Path) -> None:
     """Write a PNG of a run with at least one estimate: the map, its paths, the errors over time."""
     from matplotlib.figure import Figure
 
-    estimate = trajectory_of(run.estimates)
+    estimate = run.history.trajectory
     errors = _errors(run, estimate)
     figure = Figure(figsize=(15.0, 8.0), layout="constrained")
     cells = figure.add_gridspec(3, 2, width_ratios=(1.7, 1.0), height_ratios=(1.3, 1.0, 1.0))
@@ -54,18 +53,18 @@ def _errors(run: Run, estimate: Trajectory) -> PoseErrors | None:
 
 def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     """The map from above with the true and the estimated path and the last particles."""
-    _draw_grid(axes, run.grid)
-    wheels = run.wheels.trajectory
+    draw_grid(axes, run.grid)
+    wheels = run.history.wheels
     shown = [estimate.poses]
     if run.truth is not None:
         within = (run.truth.t >= estimate.t[0]) & (run.truth.t <= estimate.t[-1])
         truth = Trajectory(run.truth.t[within], run.truth.poses[within])
         shown.append(truth.poses)
-        axes.plot(*_broken_at_jumps(truth, wheels).T, color=TRUE, lw=3.5, alpha=0.8, label="truth")
-    axes.plot(*_broken_at_jumps(estimate, wheels).T, color=BELIEVED, lw=1.4, label="estimate")
+        axes.plot(*broken_at_jumps(truth, wheels).T, color=TRUE, lw=3.5, alpha=0.8, label="truth")
+    axes.plot(*broken_at_jumps(estimate, wheels).T, color=BELIEVED, lw=1.4, label="estimate")
     start = estimate.poses[0, :2]
     axes.plot(*start, "o", color=BELIEVED, ms=8, mfc="white", label="first estimate")
-    poses = np.array([h.mean for h in run.estimates[-1].hypotheses])
+    poses = np.array([h.mean for h in run.localizer.hypotheses])
     axes.quiver(
         poses[:, 0],
         poses[:, 1],
@@ -83,7 +82,7 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     axes.get_figure().legend(loc="outside lower left", ncols=5, frameon=False)  # type: ignore[union-attr]
 
 
-def _draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
+def draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
     """Walls dark, free space white, what is unknown grey; turned as the map's origin says."""
     from matplotlib.transforms import Affine2D
 
@@ -157,7 +156,7 @@ def _draw_heading(axes: "Axes", estimate: Trajectory, errors: PoseErrors | None)
 
 
 def _draw_particles(axes: "Axes", run: Run, estimate: Trajectory) -> None:
-    n = [e.update.info.n for e in run.estimates]
+    n = run.history.column("n_particles")
     axes.step(estimate.t, n, where="post", color="0.3", lw=1.2)
     axes.set(ylabel="particles", xlabel="t [s]")
     _scale(axes, "{:,.0f}")
@@ -177,11 +176,9 @@ def _scale(axes: "Axes", numbers: str) -> None:
     axes.grid(alpha=0.3)
 
 
-def _broken_at_jumps(path: Trajectory, wheels: Trajectory | None) -> NDArray[np.float64]:
+def broken_at_jumps(path: Trajectory, wheels: Trajectory) -> NDArray[np.float64]:
     """(M, 2): the places of a path, with a gap where it jumps instead of driving."""
-    driven = np.zeros(max(len(path) - 1, 0))
-    if wheels is not None:
-        driven = np.linalg.norm(np.diff(wheels.at(path.t)[:, :2], axis=0), axis=1)
+    driven = np.linalg.norm(np.diff(wheels.at(path.t)[:, :2], axis=0), axis=1)
     places = path.poses[:, :2]
     jumps = np.linalg.norm(np.diff(places, axis=0), axis=1) > driven + JUMP
     return np.insert(places, np.flatnonzero(jumps) + 1, np.nan, axis=0)
@@ -190,4 +187,4 @@ def _broken_at_jumps(path: Trajectory, wheels: Trajectory | None) -> NDArray[np.
 def _title(run: Run) -> str:
     config = run.config
     how = "global localization" if config.initial is None else "from a given pose"
-    return f"{Path(config.log).name} on {Path(config.map).name}, {how}, seed {config.seed}"
+    return f"{Path(config.log).name} on {Path(run.grid.name).name}, {how}, seed {config.seed}"

@@ -2,35 +2,38 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import dropwhile, takewhile
 
 from mcloc.config import RunConfig
 from mcloc.errors import LogError
 from mcloc.events import Event
+from mcloc.io.bag_map import read_map
+from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
 from mcloc.io.tum import read_trajectory
 from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
 from mcloc.maps.occupancy import OccupancyGrid
-from mcloc.report.wheels import Wheels
+from mcloc.report.history import History
+from mcloc.trajectory import Trajectory
 
 
 class Run:
     """One run: iterate over it once to make it; what it finds stays in it, also when it breaks off.
 
     config: of the run, complete. grid, truth: as loaded. localizer: its state after the last
-    estimate. estimates: one for each usable scan so far. wheels: odometry so far. wall_time:
-    seconds of processing so far. Raises McLocError at once where the config, the map or the truth
-    cannot be right, or the log cannot be opened; LogError in the middle of a log that is cut, or
-    at the end of one without a usable scan.
+    event. history: what it found at each scan so far. consumed: events of the log so far.
+    wall_time: seconds of processing so far. Raises McLocError at once where the config, the map or
+    the truth cannot be right, or the log cannot be opened; LogError in the middle of a log that is
+    cut, or at the end of one without a usable scan.
     """
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config.resolved()
-        self.truth = None if config.truth is None else read_trajectory(config.truth)
-        self.grid = OccupancyGrid.load(config.map)
-        self.log = read_log(config.log, config.mount)
+        self.truth = _truth(config)
+        self.grid = _grid(config)
+        self.log = read_log(config.log, config.mount, config.sensor_topics)
         if config.threads is not None:
             set_threads(config.threads)
         self.localizer = Localizer(
@@ -41,17 +44,25 @@ class Run:
             initial_sigma=config.initial_sigma,
             policy=self.config.policy,
         )
-        self.estimates: list[Estimate] = []
-        self.wheels = Wheels()
+        self.history = History()
+        self.history.sizes.add(0, 0, len(self.localizer.belief.particles))
+        self.consumed = 0
         self.wall_time = 0.0
 
     def __iter__(self) -> Iterator[Estimate]:
-        began = time.perf_counter()
-        for estimate in self.localizer.run(self.wheels.watch(self._events())):
-            self.estimates.append(estimate)
-            self.wall_time = time.perf_counter() - began
-            yield estimate
-        if not self.estimates:
+        for estimates in self.by_event():
+            yield from estimates
+
+    def by_event(self) -> Iterator[list[Estimate]]:
+        """The estimates that each event makes possible. Between two of them the run is a whole: it
+        can be saved.
+        """
+        began = time.perf_counter() - self.wall_time
+        for event in self._events():
+            self.consumed += 1
+            yield self._noted(self.localizer.process(event), began)
+        yield self._noted(self.localizer.finish(), began)
+        if not len(self.history):
             ignored = ", ".join(f"{n} × {why}" for why, n in self.ignored.items()) or "nothing"
             raise LogError(
                 f"{self.config.log}: no usable scan{self._between()}; left out: {ignored}"
@@ -62,18 +73,45 @@ class Run:
         """How many events were left out, by reason."""
         return self.localizer.ignored + Counter(self.log.skipped)
 
+    def _noted(self, estimates: list[Estimate], began: float) -> list[Estimate]:
+        for estimate in estimates:
+            self.history.add(estimate)
+        self.wall_time = time.perf_counter() - began
+        return estimates
+
     def _events(self) -> Iterator[Event]:
-        """From the first event at or after `start` to the last one before any after `end`."""
+        """From the first event at or after `start` to the last one before any after `end`; those
+        that were consumed already are passed over.
+        """
         start, end = self.config.start, self.config.end
-        events = iter(self.log)
+        events: Iterable[Event] = self.log
         if start is not None:
             events = dropwhile(lambda event: event.t < start, events)
         if end is not None:
             events = takewhile(lambda event: event.t <= end, events)
-        return events
+        rest = iter(events)
+        for k in range(self.consumed):
+            if next(rest, None) is None:
+                raise LogError(
+                    f"{self.config.log}: ends after {k} events, but the run that is to be resumed "
+                    f"had read {self.consumed}; is it the same log?"
+                )
+        return rest
 
     def _between(self) -> str:
         """The part of the log that was asked for, in words."""
         start, end = self.config.start, self.config.end
         after = "" if start is None else f" from start = {start:g} s on"
         return after + ("" if end is None else f" up to end = {end:g} s")
+
+
+def _grid(config: RunConfig) -> OccupancyGrid:
+    if config.map is None:
+        return read_map(config.log, config.topic("map"))
+    return OccupancyGrid.load(config.map)
+
+
+def _truth(config: RunConfig) -> Trajectory | None:
+    if "truth" in config.topics:
+        return read_truth(config.log, config.topic("truth"))
+    return None if config.truth is None else read_trajectory(config.truth)

@@ -10,36 +10,37 @@ from mcloc import __version__
 from mcloc.evaluation import Accuracy, evaluate
 from mcloc.geometry import Pose
 from mcloc.report.run import Run
-from mcloc.report.tables import trajectory_of
+from mcloc.trajectory import Trajectory
 
 
 def accuracy_of(run: Run) -> Accuracy | None:
     """Of the estimates so far; None without a truth. Raises TruthError where the two never meet."""
     if run.truth is None:
         return None
-    return evaluate(trajectory_of(run.estimates), run.truth, odometry=run.wheels.trajectory)
+    return evaluate(run.history.trajectory, run.truth, odometry=run.history.wheels)
 
 
 def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
     """What summary.json holds; None where unknown. The run has at least one estimate."""
-    config, estimates = run.config, run.estimates
-    updates = [e.update for e in estimates if e.updated]
-    update_ms = 1e3 * np.array([update.duration for update in updates])
-    particles = np.array([update.info.n for update in updates])
-    duration = estimates[-1].t - estimates[0].t
-    found = [{**_pose(h.mean), "share": h.share} for h in estimates[-1].hypotheses]
+    config, history = run.config, run.history
+    _, seconds, particles = history.updates.table.T
+    update_ms = 1e3 * seconds
+    t = history.column("t")
+    duration = float(t[-1] - t[0])
+    final = run.localizer.hypotheses
+    found = [{**_pose(h.mean), "share": h.share} for h in final]
     summary = {
         "version": __version__,
-        "map": config.map,
+        "map": config.map or run.grid.name,
         "log": config.log,
         "seed": config.seed,
         "filter": config.filter,
         "sensor": config.sensor,
         "motion": config.motion,
-        "scans": len(estimates),
-        "updates": len(updates),
+        "scans": len(history),
+        "updates": len(history.updates),
         "duration_s": duration,
-        "distance_m": _distance(run),
+        "distance_m": _distance(history.wheels),
         "realtime_factor": duration / run.wall_time if run.wall_time > 0.0 else None,
         "update_ms": {
             "median": float(np.median(update_ms)),
@@ -48,7 +49,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         },
         "particles": {"median": float(np.median(particles)), "max": int(particles.max())},
         "ignored": dict(sorted(run.ignored.items())),
-        "final": {**_pose(estimates[-1].pose), "hypotheses": found},
+        "final": {**_pose(final[0].mean), "hypotheses": found},
         "accuracy": None if accuracy is None else accuracy.to_dict(),
     }
     return {key: _known(value) for key, value in summary.items()}
@@ -63,13 +64,9 @@ def to_json(summary: dict[str, Any]) -> str:
     return json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _distance(run: Run) -> float | None:
+def _distance(wheels: Trajectory) -> float:
     """Metres that the wheels measured from the first to the last estimate."""
-    wheels = run.wheels.trajectory
-    if wheels is None:
-        return None
-    path = wheels.at(np.array([e.t for e in run.estimates]))
-    step = np.diff(path[:, :2], axis=0)
+    step = np.diff(wheels.poses[:, :2], axis=0)
     return float(np.hypot(step[:, 0], step[:, 1]).sum())
 
 

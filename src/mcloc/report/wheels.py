@@ -6,6 +6,7 @@ import numpy as np
 
 from mcloc.events import Event, Odometry
 from mcloc.geometry import Pose
+from mcloc.report.rows import Rows
 from mcloc.trajectory import Trajectory
 
 
@@ -17,27 +18,28 @@ class Wheels:
     """
 
     def __init__(self) -> None:
-        self._scans: list[tuple[float, Pose]] = []
-        self._odometry: list[tuple[float, Pose]] = []
+        self.scans, self.odometry = Rows(4), Rows(4)  # t, x, y, θ
 
     def watch(self, events: Iterable[Event]) -> Iterator[Event]:
         """The events, noted as they pass."""
         for event in events:
-            if isinstance(event, Odometry):
-                _note(self._odometry, event.t, event.pose)
-            elif event.odometry is not None:
-                _note(self._scans, event.t, event.odometry)
+            self.note(event)
             yield event
+
+    def note(self, event: Event) -> None:
+        """Pick the pose out of an event."""
+        if isinstance(event, Odometry):
+            _note(self.odometry, event.t, event.pose)
+        elif event.odometry is not None:
+            _note(self.scans, event.t, event.odometry)
 
     @property
     def trajectory(self) -> Trajectory | None:
         """In the odometry's own frame; None where nothing is known."""
-        noted = self._scans or self._odometry
-        if not noted:
-            return None
-        return Trajectory(np.array([t for t, _ in noted]), np.array([pose for _, pose in noted]))
+        noted = (self.scans if len(self.scans) else self.odometry).table
+        return Trajectory(noted[:, 0], noted[:, 1:]) if len(noted) else None
 
 
-def _note(noted: list[tuple[float, Pose]], t: float, pose: Pose) -> None:
-    if np.isfinite(t) and np.isfinite(pose).all() and (not noted or t > noted[-1][0]):
-        noted.append((t, pose))
+def _note(rows: Rows, t: float, pose: Pose) -> None:
+    if np.isfinite(t) and np.isfinite(pose).all() and (not len(rows) or t > rows.last[0]):
+        rows.add(t, *pose)

@@ -2,6 +2,15 @@
 
 from mcloc.protocols import SensorModel
 from mcloc.registry import Registry
+from mcloc.sensors.beam_presets import FourPartBeams, Fox01Beams, YeeBeams
 from mcloc.sensors.likelihood_field import LikelihoodField
 
-SENSORS: Registry[SensorModel] = Registry("sensor", {"likelihood-field": LikelihoodField})
+SENSORS: Registry[SensorModel] = Registry(
+    "sensor",
+    {
+        "likelihood-field": LikelihoodField,
+        "beam-four-part": FourPartBeams,
+        "beam-fox01": Fox01Beams,
+        "beam-yee": YeeBeams,
+    },
+)

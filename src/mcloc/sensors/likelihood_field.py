@@ -11,13 +11,13 @@ from scipy.ndimage import distance_transform_edt
 
 from mcloc.events import Scan
 from mcloc.maps.cell_table import CellTable
-from mcloc.maps.occupancy import OccupancyGrid
-from mcloc.registry import Configurable, param
+from mcloc.registry import param
+from mcloc.sensors.beams import ScanModel
 from mcloc.statespace import LogWeights, States
 
 
 @dataclass(frozen=True)
-class LikelihoodField(Configurable):
+class LikelihoodField(ScanModel):
     """Likelihood field of a map, for laser scans.
 
     One beam's p is relative to that of a perfect reading: (1 − z) exp(−d²/2σ²) + z with z = z_rand
@@ -25,22 +25,14 @@ class LikelihoodField(Configurable):
     off the map. A map maker who saw a surface drew it, so a return from where nobody looked
     surprises more than one from a thing that stands in free space since.
 
-    Beams are not independent: neighbours hit the same surface, and the same error of the map is met
-    by scan after scan. The log-likelihood is therefore tempered, by β = effective_beams · novelty /
-    (beams used), everywhere the same. Of each scan at most max_beams beams are used, evenly spread.
     Readings that are no return have no endpoint: they count among the beams used but say nothing.
     """
 
-    grid: OccupancyGrid
     sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", low=1e-3, high=5)
     z_rand: float = param(
         0.1, "", "p of a reading that no wall explains, a perfect one being 1", above=0, high=1
     )
     z_unknown: float = param(0.05, "", "the same where the map is unknown", above=0, high=1)
-    max_beams: int = param(60, "", "most beams used of a scan", low=1)
-    effective_beams: float = param(
-        12.0, "", "independent beams that the used ones are worth", above=0, high=1e4
-    )
 
     @property
     def _margin(self) -> int:
@@ -72,11 +64,6 @@ class LikelihoodField(Configurable):
         hit = np.exp(-0.5 * (self._distance / self.sigma_hit) ** 2)
         return CellTable(self.grid, np.log((1.0 - z) * hit + z).astype(np.float32))
 
-    def used_beams(self, z: Scan) -> NDArray[np.intp]:
-        """Which beams of a scan are used."""
-        n = len(z.ranges)
-        return np.unique(np.linspace(0, n - 1, min(n, self.max_beams)).round().astype(np.intp))
-
     def endpoints(self, z: Scan) -> NDArray[np.float64]:
         """(B, 2): where the used beams end, metres, robot frame; beams without a return left
         out.
@@ -89,18 +76,7 @@ class LikelihoodField(Configurable):
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
-        total = self._table.sum(x, self.endpoints(z))
-        return total * (self.readings(z) / max(len(self.used_beams(z)), 1))
-
-    def readings(self, z: Scan) -> float:
-        """effective_beams × novelty: the beams that a scan is worth, however many of them are
-        used.
-        """
-        return self.effective_beams * z.novelty
-
-    def source(self, z: Scan) -> str:
-        """The laser's name."""
-        return z.source
+        return self._table.sum(x, self.endpoints(z)) * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
         """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without

@@ -1,0 +1,176 @@
+"""The job of `mcloc run`: make the run; write what it found, also where it breaks off."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from mcloc.errors import ConfigError, McLocError
+
+if TYPE_CHECKING:
+    from mcloc.config import RunConfig
+    from mcloc.localizer import Estimate
+    from mcloc.report import Run
+    from mcloc.report.animation import Snapshots
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the command line asks for. every: seconds between two checkpoints, or None."""
+
+    config: Path | None
+    nav2_params: Path | None
+    flags: dict[str, Any]
+    particles: int | None
+    assigned: dict[str, dict[str, str]]
+    out: Path
+    plot: bool
+    gif: bool
+    record: bool
+    json: bool
+    every: float | None
+    resume: bool
+
+
+def execute(job: Job) -> None:
+    """Make the run. Raises McLocError, once what was found by then is written."""
+    from mcloc.report import check_folder
+
+    entries = _entries(job)
+    check_folder(job.out)
+    failure: BaseException | None = None
+    run: Run | None = None
+    snapshots = _snapshots(job)
+    try:
+        run, every = _run(job, entries)
+        for estimate in _estimates(job, run, every):
+            if snapshots is not None:
+                snapshots.add(estimate)
+    except (McLocError, KeyboardInterrupt) as cause:
+        failure = cause
+    if run is not None and len(run.history):
+        try:
+            _write(job, run, snapshots)
+        except McLocError as cause:
+            failure = failure or cause
+        if failure is not None:
+            last = run.history.last("t")
+            typer.echo(f"results up to t = {last:.3f} s are in {job.out}", err=True)
+    if failure is not None:
+        raise failure
+
+
+def _entries(job: Job) -> dict[str, Any]:
+    """What is asked for, as arguments of RunConfig."""
+    from mcloc.config import limited, merged, read_entries
+    from mcloc.config.nav2 import read_nav2
+
+    entries: dict[str, Any] = {} if job.config is None else read_entries(job.config)
+    if job.nav2_params is not None:
+        taken, notes = read_nav2(job.nav2_params)
+        entries = merged(entries, taken)
+        for note in notes:
+            typer.echo(f"{job.nav2_params}: {note}", err=True)
+    entries = merged(entries, job.flags)
+    if "initial_sigma" in job.flags and entries.get("initial") is None and not job.resume:
+        raise ConfigError("--initial-sigma is about --initial: give both, or neither")
+    if job.particles is not None:
+        entries = limited(entries, job.particles)
+    return merged(entries, {"settings": job.assigned})
+
+
+def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
+    """A new run, or the one to be resumed; and how often to save it."""
+    from mcloc.config import RunConfig
+    from mcloc.report import Run
+    from mcloc.report.checkpoint import NAME, resume, saved_config
+
+    saved = job.out / NAME
+    if job.resume and saved.exists():
+        config, every = saved_config(saved)
+        _check_same(config, entries, saved)
+        return resume(saved, entries.get("threads")), job.every or every
+    if job.resume and not entries.get("log"):
+        raise ConfigError(f"--resume: no run was saved in {job.out}; name its folder with --out")
+    if job.resume:
+        typer.echo(f"no run was saved in {job.out} yet: starting from its beginning", err=True)
+    if "log" not in entries:
+        raise ConfigError("which log? Give --log FILE, or --config with one in it")
+    if "map" not in entries and "map" not in entries.get("topics", {}):
+        raise ConfigError(
+            "which map? Give --map FILE, or --topic map=NAME for that of a bag, or --config with "
+            "one in it"
+        )
+    return Run(RunConfig(**{"map": None, **entries})), job.every
+
+
+def _check_same(saved: "RunConfig", entries: dict[str, Any], path: Path) -> None:
+    """Nothing that was asked for may differ from the saved run: half of each would be neither."""
+    from mcloc.config import RunConfig, merged
+
+    if not entries.get("settings"):
+        entries = {key: value for key, value in entries.items() if key != "settings"}
+    ours = {f.name: getattr(saved, f.name) for f in fields(saved)}
+    wanted = RunConfig(**merged(ours, entries)).resolved()
+    for f in fields(saved):
+        if f.name != "threads" and getattr(wanted, f.name) != getattr(saved, f.name):
+            raise ConfigError(
+                f"--resume: {path} was made with {f.name} = {getattr(saved, f.name)!r}, now it is "
+                f"{getattr(wanted, f.name)!r}; leave that option out, or start anew without "
+                "--resume"
+            )
+
+
+def _estimates(job: Job, run: "Run", every: float | None) -> Iterator["Estimate"]:
+    """The run's estimates as they come, shown, recorded and saved on the way."""
+    from mcloc.cli.progress import shown
+    from mcloc.io.recording import Recording
+    from mcloc.report.checkpoint import NAME, Checkpoints
+
+    saves = None if every is None else Checkpoints(job.out / NAME, every)
+    with ExitStack() as stack:
+        show = stack.enter_context(shown())
+        recording = None
+        if job.record:
+            recording = stack.enter_context(Recording(_recording(job, run), run.grid))
+        for estimates in run.by_event():
+            for estimate in estimates:
+                show(estimate)
+                if recording is not None:
+                    recording.add(estimate)
+                yield estimate
+            if saves is not None:
+                saves.note(run)
+        if saves is not None:
+            saves.save(run)
+
+
+def _recording(job: Job, run: "Run") -> Path:
+    """Where to record: a resumed run records the rest of it beside what was recorded before."""
+    names = ["recording", *(f"recording-{k}" for k in range(2, 1000))]
+    if run.consumed == 0:
+        return job.out / names[0]
+    return next(job.out / name for name in names if not (job.out / name).exists())
+
+
+def _snapshots(job: Job) -> "Snapshots | None":
+    from mcloc.report.animation import Snapshots
+
+    return Snapshots() if job.gif else None
+
+
+def _write(job: Job, run: "Run", snapshots: "Snapshots | None") -> None:
+    from mcloc.cli.story import told
+    from mcloc.report import write_run
+    from mcloc.report.animation import animate
+    from mcloc.report.summary import to_json
+    from mcloc.storage import replacing
+
+    summary = write_run(run, job.out, job.plot)
+    if snapshots is not None and snapshots.kept:
+        with replacing(job.out / "run.gif") as path:
+            animate(run, snapshots, path)
+    typer.echo(to_json(summary) if job.json else told(summary, job.out), nl=False)

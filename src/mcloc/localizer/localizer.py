@@ -1,0 +1,233 @@
+"""Localizer: events in, in order of time; estimates out."""
+
+import secrets
+import time
+from bisect import insort
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mcloc.density import Gaussian
+from mcloc.draws import Draws
+from mcloc.errors import ConfigError
+from mcloc.estimate import Hypothesis, hypotheses
+from mcloc.events import Event, Odometry, Scan
+from mcloc.filters.catalog import Composition
+from mcloc.filters.particle_filter import Belief
+from mcloc.geometry import Pose, between
+from mcloc.localizer.estimate import Estimate, Update, carried
+from mcloc.localizer.leap_guard import LeapGuard
+from mcloc.localizer.odometry_buffer import OdometryBuffer
+from mcloc.localizer.policy import UpdatePolicy
+from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.protocols import Density
+
+INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
+MOST_WAITING = 1000  # scans without odometry
+
+
+class Localizer:
+    """Localizes one robot on one map, by all of its lasers.
+
+    grid: the map. filter: a name of the catalog or a Composition of parts. seed: 0 … 2⁶⁴ − 1; None
+    takes a fresh one, to be read from `seed`. initial: (3,) start pose in the map frame (m, m,
+    rad), or None to start from nothing (global localization). initial_sigma: (3,) its standard
+    deviations. Raises McLocError for anything that cannot be right.
+
+    Each laser has its own test of whether the robot has moved far enough for its next scan to be
+    used; `policy` says how far. Call `set_pose`, `start_globally`, `force_update` and `swap_map`
+    between two events.
+    """
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        filter: str | Composition = "mcl",
+        *,
+        seed: int | None = None,
+        initial: ArrayLike | None = None,
+        initial_sigma: ArrayLike = INITIAL_SIGMA,
+        policy: UpdatePolicy | None = None,
+    ) -> None:
+        self.composition = Composition(filter=filter) if isinstance(filter, str) else filter
+        self.grid = grid
+        self.seed = secrets.randbits(32) if seed is None else seed
+        self.policy = policy or UpdatePolicy()
+        self.filter = self.composition.build(grid)
+        self.ignored: Counter[str] = Counter()
+        self.step = 0  # of the random numbers; each start and each update takes one
+        self.update: Update | None = None
+        self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
+        self._odometry = OdometryBuffer(self.ignored)
+        self._guard: LeapGuard[Scan] = LeapGuard()
+        self._waiting: list[Scan] = []
+        self._newest: defaultdict[str, float] = defaultdict(lambda: -np.inf)  # by laser, s
+        self._done = -np.inf  # s, stamp of the last estimate
+        self._used_at: dict[str, Pose] = {}  # by laser: odometry at its last scan that was used
+        self._stepped_at: Pose | None = None  # odometry at the filter's last step
+        self._forced = False
+        if initial is None:
+            self.belief = self._started(self.filter.environment)
+        else:
+            covariance = covariance_of(initial_sigma)
+            self.belief = self._started(given_pose(grid, "initial pose", initial, covariance))
+
+    def run(self, events: Iterable[Event]) -> Iterator[Estimate]:
+        """An estimate for each usable scan, in order."""
+        for event in events:
+            yield from self.process(event)
+        yield from self.finish()
+
+    def process(self, event: Event) -> list[Estimate]:
+        """Take one event in; the estimates that it makes possible.
+
+        A scan without an odometry pose of its own waits for the first odometry at or after its
+        stamp. Events that come late, twice or broken are left out and counted in `ignored`.
+        """
+        if isinstance(event, Odometry):
+            self._odometry.add(event)
+            return self._release()
+        reason = _broken(event)
+        if reason:
+            self.ignored[reason] += 1
+            return []
+        passed, wrong = self._guard.passed(event)
+        if wrong is not None:
+            self.ignored["scan stamp from the future"] += 1
+        for scan in passed:
+            self._queue(scan)
+        return self._release()
+
+    def finish(self) -> list[Estimate]:
+        """Estimates for the scans that still wait; they take the last odometry there is."""
+        self._odometry.finish()
+        for scan in self._guard.rest():
+            self._queue(scan)
+        return self._release(final=True)
+
+    def set_pose(self, pose: ArrayLike, covariance: ArrayLike) -> None:
+        """Believe somebody who says where the robot will be at its next scan, which is then used.
+
+        pose: (3,) in the map frame, m, m, rad. covariance: (3, 3) of x, y, θ. Raises ConfigError
+        where no robot can stand, or where the covariance is none.
+        """
+        self._restart(given_pose(self.grid, "pose", pose, covariance))
+
+    def start_globally(self) -> None:
+        """Forget the pose and search for the robot on the whole map, from its next scan on."""
+        self._restart(self.filter.environment)
+
+    def force_update(self) -> None:
+        """Use the next scan whether the robot has moved or not."""
+        self._forced = True
+
+    def swap_map(self, grid: OccupancyGrid) -> None:
+        """Go on with another map of the same frame; the belief is kept.
+
+        How well scans fit is learned anew: likelihoods on two maps do not compare.
+        """
+        self.filter = self.composition.build(grid)
+        self.grid = grid
+        self.belief = Belief(self.belief.particles)
+
+    def _restart(self, density: Density) -> None:
+        self.belief = self._started(density)
+        self.update, self._stepped_at, self._forced = None, None, False
+        self._used_at.clear()
+
+    def _started(self, density: Density) -> Belief:
+        belief = self.filter.start(density, Draws(self.seed, self.step))
+        self.step += 1
+        return belief
+
+    def _queue(self, scan: Scan) -> None:
+        """Let a scan wait for its turn, unless it comes twice or too late."""
+        if scan.t == self._newest[scan.source]:
+            self.ignored["duplicate scan"] += 1
+            return
+        if scan.t < max(self._done, self._newest[scan.source]):
+            self.ignored["late scan"] += 1
+            return
+        self._newest[scan.source] = scan.t
+        insort(self._waiting, scan, key=lambda waiting: waiting.t)
+        if len(self._waiting) > MOST_WAITING:
+            self._waiting.pop(0)
+            self.ignored["scan without odometry"] += 1
+
+    def _release(self, final: bool = False) -> list[Estimate]:
+        """Process the waiting scans whose odometry is known by now."""
+        done = []
+        while self._waiting:
+            scan = self._waiting[0]
+            at = scan.odometry if scan.odometry is not None else self._odometry.at(scan.t, final)
+            if at is None and not final:
+                break
+            self._waiting.pop(0)
+            if at is None:
+                self.ignored["scan without odometry"] += 1
+            else:
+                done.append(self._localize(scan, at))
+        return done
+
+    def _localize(self, scan: Scan, at: Pose) -> Estimate:
+        """Update if due, and carry the hypotheses along the odometry otherwise."""
+        self._done = scan.t
+        u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
+        last = self._used_at.get(scan.source)
+        moved = None if last is None else between(last, at)
+        due = moved is None or self._forced or self.policy.due(moved)
+        if due:
+            novelty = 1.0 if moved is None else self.policy.novelty(moved)
+            self.update = self._measure(replace(scan, novelty=novelty), u)
+            self._used_at[scan.source] = self._stepped_at = at
+            self._forced = False
+            u = np.zeros(3)
+        assert self.update is not None  # a laser's first scan is always used
+        self.hypotheses = tuple(carried(h, u) for h in self.update.hypotheses)
+        return Estimate(scan, at, self.hypotheses, self.update, due)
+
+    def _measure(self, scan: Scan, u: NDArray[np.float64]) -> Update:
+        began = time.perf_counter()
+        self.belief, info = self.filter.step(self.belief, u, scan, Draws(self.seed, self.step))
+        particles = self.belief.particles
+        found = hypotheses(particles, self.filter.space)
+        best = np.ascontiguousarray(found[0].mean[:, None])
+        explained = float(self.filter.sensor.explained(best, scan)[0])
+        took = time.perf_counter() - began
+        self.step += 1
+        return Update(self.step - 1, info, particles, found, explained, took)
+
+
+def covariance_of(sigma: ArrayLike) -> NDArray[np.float64]:
+    """(3, 3): the covariance of independent deviations. Raises ConfigError unless they are > 0."""
+    deviation = np.asarray(sigma, dtype=np.float64)
+    if deviation.shape != (3,) or not ((deviation > 0) & (deviation < 1e6)).all():
+        raise ConfigError(f"the initial sigma must be three numbers > 0 (m, m, rad), got {sigma!r}")
+    return np.diag(deviation**2)
+
+
+def given_pose(grid: OccupancyGrid, name: str, pose: ArrayLike, covariance: ArrayLike) -> Gaussian:
+    """The belief of somebody who was told a pose. Raises ConfigError where a robot cannot stand."""
+    density = Gaussian.told(name, pose, covariance)
+    x, y, _ = density.mean
+    place = grid.state_at(density.mean)
+    if place in ("outside", "occupied"):
+        where = "outside the map" if place == "outside" else "inside a wall"
+        raise ConfigError(
+            f"the {name} ({x:g}, {y:g}) m is {where} {grid.name}, which covers {grid.extent()}"
+        )
+    return density
+
+
+def _broken(scan: Scan) -> str:
+    """Why a scan can be of no use, or nothing."""
+    if not np.isfinite(scan.t):
+        return "scan stamp not finite"
+    if scan.odometry is not None and not np.isfinite(scan.odometry).all():
+        return "odometry not finite"
+    if not scan.returned.any():
+        return "scan without returns"
+    return ""

@@ -1,0 +1,168 @@
+"""A Localizer's complete state as values and arrays: a restored one goes on with the same bytes."""
+
+from collections import Counter
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mcloc.errors import StateError
+from mcloc.estimate import Hypothesis
+from mcloc.events import Odometry, Scan
+from mcloc.filters.catalog import Composition
+from mcloc.filters.particle_filter import Belief, StepInfo
+from mcloc.filters.recovery import Evidence
+from mcloc.localizer.estimate import Update
+from mcloc.localizer.leap_guard import E
+from mcloc.localizer.localizer import Localizer
+from mcloc.localizer.policy import UpdatePolicy
+from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.particles import Particles
+from mcloc.storage import Arrays, read_state, write_state
+
+VERSION = 1
+
+
+def save(localizer: Localizer, path: str | Path) -> None:
+    """Write the complete state of a localizer to one .npz file, whole or not at all.
+
+    Raises ConfigError where it cannot be written.
+    """
+    values, arrays = packed(localizer)
+    write_state(path, {"version": VERSION, **values}, arrays)
+
+
+def restore(path: str | Path, grid: OccupancyGrid) -> Localizer:
+    """The localizer that was saved; grid: the map it was on.
+
+    Raises StateError for a file that is damaged or was saved on another map.
+    """
+    values, arrays = read_state(path, VERSION)
+    return unpacked(str(path), values, arrays, grid)
+
+
+def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
+    """The state as what JSON knows, and as arrays."""
+    belief, update = localizer.belief, localizer.update
+    arrays: Arrays = {
+        "states": belief.particles.states,
+        "log_weights": belief.particles.log_weights,
+        "odometry": _odometry_rows(localizer._odometry.events),
+        "odometry_held": _odometry_rows(_held(localizer._odometry.guard.held)),
+    }
+    values: dict[str, Any] = {
+        "map": localizer.grid.checksum,
+        "composition": asdict(localizer.composition),
+        "policy": asdict(localizer.policy),
+        "seed": localizer.seed,
+        "step": localizer.step,
+        "ignored": dict(localizer.ignored),
+        "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
+        "odometry_newest": str(localizer._odometry.guard.newest),
+        "scan_newest": str(localizer._guard.newest),
+        "newest": {source: str(t) for source, t in localizer._newest.items()},
+        "done": str(localizer._done),
+        "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
+        "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
+        "forced": localizer._forced,
+        "waiting": [_scan(s, f"waiting{k}", arrays) for k, s in enumerate(localizer._waiting)],
+        "held": [_scan(s, "held", arrays) for s in _held(localizer._guard.held)],
+        "hypotheses": _listed(localizer.hypotheses),
+        "update": None,
+    }
+    if update is not None:
+        values["update"] = {
+            "step": update.step,
+            "info": asdict(update.info),
+            "explained": str(update.explained),
+            "duration": update.duration,
+            "hypotheses": _listed(update.hypotheses),
+        }
+    return values, arrays
+
+
+def unpacked(path: str, values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Localizer:
+    """The localizer that `packed` describes. path: for messages. Raises StateError."""
+    try:
+        if values["map"] != grid.checksum:
+            raise StateError(f"{path}: was saved on another map than {grid.name}; give that one")
+        return _unpacked(values, arrays, grid)
+    except (KeyError, TypeError, ValueError) as cause:
+        raise StateError(f"{path}: damaged, or of another mcloc ({cause!r})") from cause
+
+
+def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Localizer:
+    localizer = Localizer(
+        grid,
+        Composition(**values["composition"]),
+        seed=values["seed"],
+        policy=UpdatePolicy(**values["policy"]),
+    )
+    particles = Particles(arrays["states"], arrays["log_weights"])
+    evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
+    localizer.belief = Belief(particles, evidence)
+    localizer.step = values["step"]
+    localizer.ignored.update(Counter(values["ignored"]))
+    odometry = localizer._odometry
+    odometry.events.extend(Odometry(float(row[0]), row[1:]) for row in arrays["odometry"])
+    for row in arrays["odometry_held"]:
+        odometry.guard.held = Odometry(float(row[0]), row[1:])
+    odometry.guard.newest = float(values["odometry_newest"])
+    localizer._guard.newest = float(values["scan_newest"])
+    for scan in values["held"]:
+        localizer._guard.held = _scan_of(scan, "held", arrays)
+    localizer._waiting = [
+        _scan_of(scan, f"waiting{k}", arrays) for k, scan in enumerate(values["waiting"])
+    ]
+    localizer._newest.update({source: float(t) for source, t in values["newest"].items()})
+    localizer._done = float(values["done"])
+    localizer._used_at = {source: np.array(p) for source, p in values["used_at"].items()}
+    if values["stepped_at"] is not None:
+        localizer._stepped_at = np.array(values["stepped_at"])
+    localizer._forced = values["forced"]
+    localizer.hypotheses = _hypotheses(values["hypotheses"])
+    if values["update"] is not None:
+        localizer.update = _update(values["update"], particles)
+    return localizer
+
+
+def _update(values: dict[str, Any], particles: Particles) -> Update:
+    info = {**values["info"], "sizes": tuple(values["info"]["sizes"])}
+    info["evidence"] = Evidence(**info["evidence"])
+    found = _hypotheses(values["hypotheses"])
+    explained = float(values["explained"])
+    duration = values["duration"]
+    return Update(values["step"], StepInfo(**info), particles, found, explained, duration)
+
+
+def _listed(hypotheses: tuple[Hypothesis, ...]) -> list[Any]:
+    return [(h.mean.tolist(), h.covariance.tolist(), h.share) for h in hypotheses]
+
+
+def _hypotheses(listed: list[Any]) -> tuple[Hypothesis, ...]:
+    return tuple(Hypothesis(np.array(m), np.array(c), share) for m, c, share in listed)
+
+
+def _held(event: E | None) -> list[E]:
+    return [] if event is None else [event]
+
+
+def _odometry_rows(events: Any) -> Any:
+    return np.array([(e.t, *e.pose) for e in events], dtype=np.float64).reshape(-1, 4)
+
+
+_ARRAYS = ("ranges", "angles", "mount", "odometry")
+
+
+def _scan(scan: Scan, name: str, arrays: Arrays) -> dict[str, Any]:
+    """The values of a scan; its arrays go to `arrays`."""
+    for key in _ARRAYS:
+        if getattr(scan, key) is not None:
+            arrays[f"{name}.{key}"] = getattr(scan, key)
+    return {f.name: getattr(scan, f.name) for f in fields(scan) if f.name not in _ARRAYS}
+
+
+def _scan_of(values: dict[str, Any], name: str, arrays: Arrays) -> Scan:
+    found: dict[str, Any] = {key: arrays.get(f"{name}.{key}") for key in _ARRAYS}
+    return Scan(**values, **found)

@@ -1,0 +1,99 @@
+"""What a run found at each scan, in numbers; all that its files and its summary are made of."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcloc.localizer import Estimate
+from mcloc.report.rows import Rows
+from mcloc.trajectory import Trajectory
+
+UPPER = np.triu_indices(3)  # of a covariance: xx, xy, xt, yy, yt, tt
+COLUMNS = (
+    *("t", "x", "y", "theta", "cov_xx", "cov_xy", "cov_xt", "cov_yy", "cov_yt", "cov_tt"),
+    *("n_particles", "ess", "n_hypotheses", "share", "likelihood_fast", "likelihood_slow"),
+    "explained_beams",
+)
+"""Of estimates.csv: m, rad, s."""
+
+ALL = (*COLUMNS, "odometry_x", "odometry_y", "odometry_theta")
+
+
+class History:
+    """A row for each stamp, one for each update, and the sizes of all sample sets drawn."""
+
+    def __init__(self) -> None:
+        self.rows = Rows(len(ALL))
+        self.updates = Rows(3)  # t, seconds that it took, particles
+        self.sizes = Rows(3)  # step, which of its sets, particles
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def add(self, e: Estimate) -> None:
+        """Take note of an estimate; of two with the same stamp, by two lasers, the later stays."""
+        info, evidence = e.update.info, e.update.info.evidence
+        assert evidence.fast is not None
+        assert evidence.slow is not None
+        row = (
+            *(e.t, *e.pose, *e.covariance[UPPER]),
+            *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),
+            *(evidence.fast, evidence.slow, e.update.explained, *e.odometry),
+        )
+        if len(self) and e.t == self.last("t"):
+            self.rows.replace_last(*row)
+        else:
+            self.rows.add(*row)
+        if e.updated:
+            self.updates.add(e.t, e.update.duration, info.n)
+            for nth, n in enumerate(info.sizes):
+                self.sizes.add(e.update.step, nth, n)
+
+    def last(self, name: str) -> float:
+        """The last number of a column."""
+        return self.rows.last[ALL.index(name)]
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """(N,): the numbers of a column."""
+        return self.rows.table[:, ALL.index(name)]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The most likely hypothesis at each scan, with its covariance and share."""
+        table = self.rows.table
+        covariances = np.empty((len(table), 3, 3))
+        covariances[:, *UPPER] = covariances[:, *UPPER[::-1]] = table[:, 4:10]
+        return Trajectory(table[:, 0], table[:, 1:4], covariances, self.column("share"))
+
+    @property
+    def wheels(self) -> Trajectory:
+        """Where the wheels alone say that the robot was, in their own frame."""
+        table = self.rows.table
+        return Trajectory(table[:, 0], table[:, -3:])
+
+    def estimates_csv(self) -> Iterator[str]:
+        """Lines: one for each stamp; explained_beams is empty for a scan without returns.
+
+        One run, the same bytes: digits are fixed, no clock is read.
+        """
+        yield ",".join(COLUMNS)
+        for row in self.rows.table:
+            yield ",".join(
+                [
+                    *(f"{value:.6f}" for value in row[:4]),
+                    *(f"{value:.9g}" for value in row[4:10]),
+                    f"{row[10]:.0f}",
+                    f"{row[11]:.3f}",
+                    f"{row[12]:.0f}",
+                    f"{row[13]:.6f}",
+                    *(f"{value:.9g}" for value in row[14:16]),
+                    "" if np.isnan(row[16]) else f"{row[16]:.6f}",
+                ]
+            )
+
+    def timing_csv(self) -> Iterator[str]:
+        """Lines: one for each update of the filter."""
+        yield "t,update_ms"
+        for t, duration, _ in self.updates.table:
+            yield f"{t:.6f},{1e3 * duration:.3f}"
