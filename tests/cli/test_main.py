@@ -32,7 +32,7 @@ def test_version(mcloc: Mcloc) -> None:
     assert mcloc("--version").stdout == f"mcloc {package.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["run", "eval", "models"])
+@pytest.mark.parametrize("command", ["run", "eval", "info", "simulate", "models"])
 def test_each_command_has_help(command: str, mcloc: Mcloc) -> None:
     done = mcloc(command, "--help")
     assert done.code == 0

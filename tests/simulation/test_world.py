@@ -7,7 +7,9 @@ from scipy import ndimage
 from mcloc.errors import ConfigError
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.simulation import WORLDS, museum_world, office_world
+from mcloc.simulation.floor import WALL as office_wall
 from mcloc.simulation.museum import AROUND
+from mcloc.simulation.museum import WALL as museum_wall
 from mcloc.simulation.office import DOOR
 
 SEEDS = range(12)
@@ -75,16 +77,24 @@ def test_the_seed_is_the_world(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("world", "width", "depth"), [(office_world, 20.0, 15.0), (museum_world, 40.0, 30.0)]
+    ("world", "width", "depth", "wall"),
+    [(office_world, 20.0, 15.0, office_wall), (museum_world, 40.0, 30.0, museum_wall)],
 )
 @pytest.mark.parametrize("resolution", [0.05, 0.1])
-def test_a_floor_measures_what_it_should(world, width, depth, resolution) -> None:  # type: ignore[no-untyped-def]
+def test_a_floor_measures_what_it_should(world, width, depth, wall, resolution) -> None:  # type: ignore[no-untyped-def]
     floor = world(0, resolution)
-    rows, columns = np.nonzero(~floor.unknown)
-    assert np.ptp(columns) + 1 == round(width / resolution)
-    assert np.ptp(rows) + 1 == round(depth / resolution)
-    assert floor.state_at([0.01, 0.01, 0.0]) == "occupied"
-    assert floor.state_at([-0.01, -0.01, 0.0]) == "unknown"
+    rows, columns = np.nonzero(floor.free)
+    for cells, side in ((columns, width), (rows, depth)):
+        between_walls = (side - 2 * wall) / resolution
+        assert np.ptp(cells) + 1 == pytest.approx(between_walls, abs=2.0)  # each end is rounded
+
+
+def test_only_surfaces_are_occupied() -> None:
+    """As in maps made by robots: a wall cell has a free neighbour."""
+    floor = museum_world(1)
+    near_free = ndimage.binary_dilation(floor.free, np.ones((3, 3)))
+    assert not (floor.occupied & ~near_free).any()
+    assert not (floor.unknown & near_free).any()
 
 
 def test_more_rooms_make_a_wider_floor() -> None:

@@ -106,4 +106,5 @@ class BeamModel(ScanModel, ABC):
             p.max(axis=1, keepdims=True),
             self.density(readings[:, None], just_behind, range_max),
         )
-        return np.log(np.maximum(p, LEAST) / best).astype(np.float32)
+        table: NDArray[np.float32] = np.log(np.maximum(p, LEAST) / best).astype(np.float32)
+        return table

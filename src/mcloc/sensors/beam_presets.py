@@ -15,7 +15,7 @@ class FourPartBeams(BeamModel):
     """Beam model of the book: hit, short, no return, random  [Probabilistic Robotics, Table 6.1].
 
     The four weights are taken relative to their sum. Something nearer than σ_hit to the wall
-    cannot be told from it. The weights are those of ROS's amcl for its beam model.
+    cannot be told from it. The default weights have the numbers of ROS's amcl.
     """
 
     z_hit: float = param(0.95, "", "weight of the expected wall", above=0, high=1)

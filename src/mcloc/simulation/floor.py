@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from mcloc.errors import ConfigError
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -63,10 +64,13 @@ class Floor:
         return bool((self._part(box) == FREE).all())
 
     def grid(self, name: str) -> OccupancyGrid:
-        """The map, its origin such that the floor's corner is (0, 0)."""
-        return OccupancyGrid(
-            self.cells, self.resolution, np.array([-MARGIN, -MARGIN, 0.0]), name=name
-        )
+        """The map, its origin such that the floor's corner is (0, 0).
+
+        As in a map that a robot made, only surfaces are occupied: nobody looked into the walls.
+        """
+        seen = binary_dilation(self.cells == FREE, np.ones((3, 3)))
+        cells = np.where(seen, self.cells, UNKNOWN).astype(np.int8)
+        return OccupancyGrid(cells, self.resolution, np.array([-MARGIN, -MARGIN, 0.0]), name=name)
 
     def _part(self, box: Box) -> NDArray[np.int8]:
         """The cells of a box, as far as it lies within the map, to be written to."""
