@@ -7,9 +7,7 @@ from scipy import ndimage
 from mcloc.errors import ConfigError
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.simulation import WORLDS, museum_world, office_world
-from mcloc.simulation.floor import WALL as office_wall
 from mcloc.simulation.museum import AROUND
-from mcloc.simulation.museum import WALL as museum_wall
 from mcloc.simulation.office import DOOR
 
 SEEDS = range(12)
@@ -78,7 +76,7 @@ def test_the_seed_is_the_world(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("world", "width", "depth", "wall"),
-    [(office_world, 20.0, 15.0, office_wall), (museum_world, 40.0, 30.0, museum_wall)],
+    [(office_world, 20.0, 15.0, 0.15), (museum_world, 40.0, 30.0, 0.3)],
 )
 @pytest.mark.parametrize("resolution", [0.05, 0.1])
 def test_a_floor_measures_what_it_should(world, width, depth, wall, resolution) -> None:  # type: ignore[no-untyped-def]
