@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from mcloc.cli.main import app
-from mcloc.report.tables import ESTIMATES
-from mcloc.simulation import office_drive, write_drive
+from mcloc.report.history import COLUMNS
+from mcloc.simulation import Scenario, museum_world, simulate, write_drive
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mcloc"
@@ -70,7 +70,8 @@ def test_every_equation_is_where_the_table_says() -> None:
 @pytest.fixture
 def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder demo/ of `make demo`, after a shorter drive; its parent is where things run."""
-    write_drive(office_drive(seed=1, length=10.0), tmp_path / "demo")
+    drive = simulate(museum_world(4), 4, Scenario(length=10.0))
+    write_drive(drive, tmp_path / "demo", "mcap")
     monkeypatch.chdir(tmp_path)
     return tmp_path / "demo"
 
@@ -99,7 +100,7 @@ def test_the_guide_names_every_column_of_the_estimates() -> None:
     text = (ROOT / "docs/guide.md").read_text(encoding="utf-8")
     table = text.split("Columns of `estimates.csv`:\n", maxsplit=1)[1].split("\n\n", maxsplit=1)[0]
     named = [name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row)]
-    assert named == ESTIMATES.split(",")
+    assert named == list(COLUMNS)
 
 
 def block_of_architecture(heading: str) -> list[str]:

@@ -14,15 +14,19 @@ if TYPE_CHECKING:
         LogError,
         MapError,
         McLocError,
+        StateError,
         TruthError,
     )
     from mcloc.estimate import Hypothesis
     from mcloc.evaluation import Accuracy, evaluate
     from mcloc.events import Odometry, Scan
     from mcloc.filters.catalog import Composition
+    from mcloc.io.bag_map import read_map
+    from mcloc.io.bag_truth import read_truth
     from mcloc.io.log import read_log
     from mcloc.io.tum import read_trajectory, write_tum
     from mcloc.localizer import Estimate, Localizer, UpdatePolicy
+    from mcloc.localizer.state import restore, save
     from mcloc.maps.occupancy import OccupancyGrid
     from mcloc.report import Run
     from mcloc.trajectory import Trajectory
@@ -45,13 +49,18 @@ __all__ = [
     "Run",
     "RunConfig",
     "Scan",
+    "StateError",
     "Trajectory",
     "TruthError",
     "UpdatePolicy",
     "__version__",
     "evaluate",
     "read_log",
+    "read_map",
     "read_trajectory",
+    "read_truth",
+    "restore",
+    "save",
     "write_tum",
 ]
 
@@ -63,15 +72,19 @@ _ROOMS = {
         "LogError",
         "MapError",
         "McLocError",
+        "StateError",
         "TruthError",
     ),
     "mcloc.estimate": ("Hypothesis",),
     "mcloc.evaluation": ("Accuracy", "evaluate"),
     "mcloc.events": ("Odometry", "Scan"),
     "mcloc.filters.catalog": ("Composition",),
+    "mcloc.io.bag_map": ("read_map",),
+    "mcloc.io.bag_truth": ("read_truth",),
     "mcloc.io.log": ("read_log",),
     "mcloc.io.tum": ("read_trajectory", "write_tum"),
     "mcloc.localizer": ("Estimate", "Localizer", "UpdatePolicy"),
+    "mcloc.localizer.state": ("restore", "save"),
     "mcloc.maps.occupancy": ("OccupancyGrid",),
     "mcloc.report": ("Run",),
     "mcloc.trajectory": ("Trajectory",),
