@@ -117,14 +117,16 @@ class ParticleFilter:
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
         alpha = self.recovery.alpha(evidence)
-        z, filtered = self.people.without_people(z, self._predictive(bel, u, draws))
+        filtered = 0.0
+        if alpha == 0.0:  # a filter that may be lost must see all that contradicts it
+            z, filtered = self.people.without_people(z, self._predictive(bel, u, draws))
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
-        likelihood = self._likelihood(drawn[0], z)
+        likelihood = self._likelihood(drawn[0], z, filtered)
         doubt = self.recovery.doubt(evidence, likelihood)
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
-            likelihood = self._likelihood(drawn[0], z)
+            likelihood = self._likelihood(drawn[0], z, filtered)
         estimates = [log_sum_exp(d.log_weights) - float(np.log(len(d.log_before))) for d in drawn]
         shifts = self._shifts(estimates, [len(d.log_before) for d in drawn])
         particles = Particles.normalized(
@@ -182,16 +184,19 @@ class ParticleFilter:
             sizes.append(len(drawn[-1].log_before))
         return drawn
 
-    def _likelihood(self, drawn: Weighed, z: Any) -> float:
+    def _likelihood(self, drawn: Weighed, z: Any, filtered: float) -> float:
         """Mean of p(z | x)^(1/readings) over the predictive density, the likelihood of one reading.
 
-        Of one, so that scans of any length and novelty compare.
+        Of one, so that scans of any length and novelty compare. Readings that were left out count
+        as explained by nothing: or a lost filter would take what contradicts it for people, and be
+        content with the rest.
         """
         total = log_sum_exp(drawn.log_before)
         if not np.isfinite(total):
             return 0.0
         weights = np.exp(drawn.log_before - total)
-        return float((weights * np.exp(drawn.log_likelihoods / self.sensor.readings(z))).sum())
+        of_one = np.exp(drawn.log_likelihoods / self.sensor.readings(z))
+        return (1.0 - filtered) * float((weights * of_one).sum())
 
     def _shifts(self, estimates: list[float], sizes: list[int]) -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
