@@ -69,6 +69,30 @@ def test_merging_keeps_what_is_not_overridden() -> None:
     }
 
 
+def test_topics_are_merged_by_role() -> None:
+    entries = {"topics": {"scan": "/a", "map": "/map"}}
+    assert merged(entries, {"topics": {"scan": ["/b", "/c"]}})["topics"] == {
+        "scan": ["/b", "/c"],
+        "map": "/map",
+    }
+    assert merged(entries, {"seed": 1})["topics"] == entries["topics"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"map": "m", "topics": {"maps": "/map"}}, "unknown role 'maps' of a topic; did you mean"),
+        ({"map": "m", "topics": {"map": "/map"}}, "map is given twice, as a file and as a topic"),
+        ({"map": None}, "which map"),
+        ({"map": "m", "topics": {"odometry": ["/a", "/b"]}}, "only one topic can be the odometry"),
+        ({"map": "m", "truth": "t", "topics": {"truth": "/t"}}, "truth is given twice"),
+    ],
+)
+def test_topics_that_cannot_be(given, message) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ConfigError, match=message):
+        RunConfig(log="l", **given)
+
+
 def test_an_exchanged_part_loses_its_settings() -> None:
     entries = {"size": "kld", "settings": {"size": {"epsilon": 0.1}}}
     assert merged(entries, {"size": "fixed"})["settings"] == {}

@@ -35,7 +35,8 @@ def checked(path: str, loaded: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def merged(entries: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`entries` with those of `over` in their place; `settings` parameter by parameter.
+    """`entries` with those of `over` in their place; `settings` parameter by parameter, `topics`
+    role by role.
 
     A part that is exchanged for another one loses the settings that it had.
     """
@@ -45,7 +46,10 @@ def merged(entries: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
             settings.pop(part, None)
     for part, values in over.get("settings", {}).items():
         settings[part] = {**settings.get(part, {}), **values}
-    return {**entries, **over, "settings": settings}
+    both = {**entries, **over, "settings": settings}
+    if "topics" in over:
+        both["topics"] = {**entries.get("topics", {}), **over["topics"]}
+    return both
 
 
 def limited(entries: Mapping[str, Any], particles: int) -> dict[str, Any]:

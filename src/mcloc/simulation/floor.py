@@ -68,7 +68,7 @@ class Floor:
 
         As in a map that a robot made, only surfaces are occupied: nobody looked into the walls.
         """
-        seen = binary_dilation(self.cells == FREE, np.ones((3, 3)))
+        seen = binary_dilation(self.cells == FREE, np.ones((3, 3), dtype=np.bool_))
         cells = np.where(seen, self.cells, UNKNOWN).astype(np.int8)
         return OccupancyGrid(cells, self.resolution, np.array([-MARGIN, -MARGIN, 0.0]), name=name)
 
