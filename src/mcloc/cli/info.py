@@ -1,7 +1,6 @@
 """`mcloc info`: what is in a map or a log, and what looks wrong."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -119,13 +118,14 @@ def _inspected(
     """What there is to say, as --json has it; to `failures` goes what breaks a log off."""
     from dataclasses import asdict
 
+    from mcloc.cli.progress import counted
     from mcloc.inspection import LogInspection, describe_log, describe_map, inspect_fit, inspect_map
 
     info: dict[str, Any] = {"map": None, "log": None, "fit": None}
     findings = [] if grid is None else inspect_map(grid)
     if grid is not None:
         info["map"] = {"name": grid.name, **describe_map(grid)}
-    with _shown() as advance:
+    with counted("events") as advance:
         if logs:
             log = LogInspection()
             skipped = _read(log, logs[0], mount, wanted, advance, failures)
@@ -174,27 +174,3 @@ def _topics(path: Path) -> dict[str, str] | None:
         return None
     with open_bag(files) as bag:
         return dict(sorted(bag.topics.items()))
-
-
-@contextmanager
-def _shown() -> Iterator[Callable[[], None]]:
-    """A function to call with each event; on a terminal it keeps a line up to date."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    from mcloc.kernels.compiling import announced
-
-    console = Console(stderr=True, soft_wrap=True)
-    columns = (SpinnerColumn(), TextColumn("{task.completed:.0f} events"), TimeElapsedColumn())
-
-    def compiling() -> None:
-        console.print("first run: compiling the kernels, once; some ten seconds ...")
-
-    with (
-        announced(compiling),
-        Progress(
-            *columns, console=console, transient=True, disable=not console.is_terminal
-        ) as progress,
-    ):
-        task = progress.add_task("", total=None)
-        yield lambda: progress.advance(task)

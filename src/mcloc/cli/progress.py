@@ -1,8 +1,8 @@
-"""What a person sees on stderr while a run goes on."""
+"""What a person sees on stderr while long work goes on."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mcloc.kernels.compiling import announced
 
@@ -12,29 +12,8 @@ if TYPE_CHECKING:
 
 @contextmanager
 def shown() -> Iterator[Callable[["Estimate"], None]]:
-    """A function to call with each estimate. On a terminal it keeps a line up to date."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True, soft_wrap=True)
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.completed:.0f} scans"),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[spread]}"),
-        TimeElapsedColumn(),
-    )
-
-    def compiling() -> None:
-        console.print("first run: compiling the kernels, once; some ten seconds ...")
-
-    with (
-        announced(compiling),
-        Progress(
-            *columns, console=console, transient=True, disable=not console.is_terminal
-        ) as progress,
-    ):
-        task = progress.add_task("", total=None, rate="", spread="")
+    """A function to call with each estimate of a run."""
+    with _line("scans", "rate", "spread") as (progress, task):
 
         def show(estimate: "Estimate") -> None:
             speed = progress.tasks[task].speed
@@ -48,3 +27,39 @@ def shown() -> Iterator[Callable[["Estimate"], None]]:
             )
 
         yield show
+
+
+@contextmanager
+def counted(what: str) -> Iterator[Callable[[], None]]:
+    """A function to call for each thing that is done."""
+    with _line(what) as (progress, task):
+        yield lambda: progress.advance(task)
+
+
+@contextmanager
+def _line(what: str, *fields: str) -> Iterator[tuple[Any, Any]]:
+    """A progress and its task; on a terminal it keeps a line with a count and the fields up to
+    date. Kernels that have to be compiled are announced.
+    """
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True, soft_wrap=True)
+    columns = (
+        SpinnerColumn(),
+        TextColumn(f"{{task.completed:.0f}} {what}"),
+        *(TextColumn(f"{{task.fields[{field}]}}") for field in fields),
+        TimeElapsedColumn(),
+    )
+
+    def compiling() -> None:
+        console.print("first run: compiling the kernels, once; some ten seconds ...")
+
+    with (
+        announced(compiling),
+        Progress(
+            *columns, console=console, transient=True, disable=not console.is_terminal
+        ) as progress,
+    ):
+        empty: dict[str, Any] = dict.fromkeys(fields, "")
+        yield progress, progress.add_task("", total=None, **empty)
