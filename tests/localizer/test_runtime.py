@@ -151,7 +151,7 @@ def test_scans_that_wait_are_put_in_order(world):
     for t, source in ((1.0, "front"), (0.9, "rear"), (1.1, "front")):
         loc.process(world.scan(t, world.start, source=source))
     loc.process(Odometry(0.5, np.zeros(3)))
-    done = loc.process(Odometry(2.0, np.zeros(3)))
+    done = loc.process(Odometry(1.2, np.zeros(3))) + loc.process(Odometry(2.2, np.zeros(3)))
     assert [e.t for e in done] == [0.9, 1.0, 1.1]
     loc.process(world.scan(1.05, world.start, source="rear"))
     assert loc.ignored == {"late scan": 1}
@@ -178,10 +178,61 @@ def test_after_a_pause_the_log_goes_on(world):
     assert not loc.ignored
 
 
+def test_a_wrong_first_stamp_or_a_clock_set_back_costs_three_scans(world):
+    poses = world.path([0.25, 0.0, 0.0], 7)
+    events = world.scans(poses)
+    events[0] = world.scan(3600.0, poses[0], events[0].odometry)
+    loc = world.localizer()
+    assert [e.t for e in loc.run(events)] == [3600.0, 3.0, 4.0, 5.0, 6.0]
+    assert loc.ignored == {"late scan": 2, "clock of scans set back": 1}
+
+
+def test_a_slow_laser_is_waited_for(world):
+    """The rear laser's scans come 0.2 s after their stamps, those of the front one at once."""
+    poses = world.path([0.25, 0.0, 0.0], 12)
+    arrivals = []
+    for k, pose in enumerate(poses):
+        t, odometry = 0.1 * k, between(poses[0], pose)
+        arrivals.append((t, world.scan(t, pose, odometry, "front", FRONT)))
+        arrivals.append((t + 0.2, world.scan(t - 0.02, pose, odometry, "rear", REAR)))
+    arrivals.sort(key=lambda a: a[0])
+    loc = world.localizer()
+    found = list(loc.run(scan for _, scan in arrivals))
+    assert [e.t for e in found] == sorted(e.t for e in found)
+    rear = [e for e in found if e.scan.source == "rear"]
+    assert len(rear) >= 10  # what came before the first of them was not waited for
+    assert loc.ignored["late scan"] == 12 - len(rear)
+
+
+def test_a_laser_that_falls_silent_is_not_waited_for(world):
+    poses = world.path([0.1, 0.0, 0.0], 30)
+    loc = world.localizer()
+    loc.process(world.scan(0.0, poses[0], np.zeros(3), "rear", REAR))
+    waited = []
+    for k, pose in enumerate(poses[1:], 1):
+        t = 0.1 * k
+        done = loc.process(world.scan(t, pose, between(poses[0], pose), "front", FRONT))
+        waited += [t - e.t for e in done if e.scan.source == "front"]
+    assert max(waited) <= 1.1
+    assert waited[-1] == 0.0
+
+
+def test_scans_far_from_any_odometry_are_left_out(world):
+    loc = world.localizer()
+    for t in (0.0, 5.0, 9.0, 13.5, 20.5):
+        loc.process(world.scan(t, world.start))
+    for t in (4.0, 4.5, 5.0, 5.5, 13.0, 13.4, 13.8, 19.0):
+        loc.process(Odometry(t, np.zeros(3)))
+    done = loc.finish()
+    assert loc.ignored == {"scan without odometry": 3}  # at 0, in the gap at 9, and at 20.5
+    assert done == []
+
+
 def test_scans_without_odometry_do_not_pile_up(world):
     loc = world.localizer()
     scan = world.scan(0.0, world.start)
     for t in range(1010):
         loc.process(type(scan)(t / 10, scan.ranges, scan.angles, scan.range_max))
     assert loc.ignored == {"scan without odometry": 10}
-    assert len(loc.process(Odometry(101.0, np.zeros(3)))) == 1000
+    done = loc.process(Odometry(101.0, np.zeros(3)))
+    assert [e.t for e in done] == [pytest.approx(100.0 + k / 10) for k in range(10)]

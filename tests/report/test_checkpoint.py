@@ -1,11 +1,12 @@
 """A run that is saved and gone on with gives the same files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from mcloc.config import RunConfig
-from mcloc.errors import LogError, StateError
+from mcloc.config import RunConfig, read_entries
+from mcloc.errors import StateError
 from mcloc.report import Run, write_run
 from mcloc.report.checkpoint import NAME, Checkpoints, resume, saved_config
 from mcloc.simulation import office_drive, write_drive
@@ -59,10 +60,6 @@ def test_sizes_that_the_clock_chose_are_saved_and_repeated(
     config: RunConfig, tmp_path: Path
 ) -> None:
     """Saved, resumed, then repeated by the config.yaml that was written."""
-    from dataclasses import replace
-
-    from mcloc.config import read_entries
-
     timed = replace(config, size="time-budget", settings={"size": {"maximum": 4000}})
     saves = Checkpoints(tmp_path / NAME, every=0.0)
     run = Run(timed)
@@ -101,11 +98,27 @@ def test_a_log_that_got_shorter(config: RunConfig, tmp_path: Path) -> None:
     run = Run(config)
     run.consumed = 10**6
     Checkpoints(tmp_path / NAME, every=0.0).save(run)
-    with pytest.raises(LogError, match=r"ends after \d+ events, .* is it the same log\?"):
+    with pytest.raises(StateError, match=r"ends after \d+ events, .* is it the same log\?"):
         list(resume(tmp_path / NAME))
 
 
-@pytest.mark.parametrize("missing", ["config", "consumed", "localizer", "history.rows"])
+def test_another_log_is_not_gone_on_with(config: RunConfig, tmp_path: Path) -> None:
+    """Of the same length and name, but of another drive."""
+    drive, saves = Path(config.log).parent, Checkpoints(tmp_path / NAME, every=0.0)
+    copy = tmp_path / "log.gz"
+    copy.write_bytes((drive / "log.gz").read_bytes())
+    run = Run(replace(config, log=str(copy)))
+    for _, _ in zip(range(50), run.by_event(), strict=False):
+        saves.note(run)
+    write_drive(office_drive(seed=2, length=8.0), tmp_path / "other", format="carmen")
+    copy.write_bytes((tmp_path / "other" / "log.gz").read_bytes())
+    with pytest.raises(StateError, match=r"is not what the run .* is it the same log"):
+        list(resume(tmp_path / NAME))
+
+
+@pytest.mark.parametrize(
+    "missing", ["config", "consumed", "last_event", "localizer", "history.rows"]
+)
 def test_a_checkpoint_without_a_part(config: RunConfig, tmp_path: Path, missing: str) -> None:
     Checkpoints(tmp_path / NAME, every=0.0).save(Run(config))
     values, arrays = read_state(tmp_path / NAME, 1)

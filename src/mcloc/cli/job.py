@@ -1,5 +1,6 @@
 """The job of `mcloc run`: make the run; write what it found, also where it breaks off."""
 
+import itertools
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
@@ -55,7 +56,7 @@ def execute(job: Job) -> None:
         try:
             _write(job, run, snapshots)
         except McLocError as cause:
-            failure = failure or cause
+            raise failure or cause from None
         if failure is not None:
             last = run.history.last("t")
             typer.echo(f"results up to t = {last:.3f} s are in {job.out}", err=True)
@@ -65,7 +66,7 @@ def execute(job: Job) -> None:
 
 def _entries(job: Job) -> dict[str, Any]:
     """What is asked for, as arguments of RunConfig."""
-    from mcloc.config import limited, merged, read_entries
+    from mcloc.config import merged, read_entries
     from mcloc.config.nav2 import read_nav2
 
     entries: dict[str, Any] = {} if job.config is None else read_entries(job.config)
@@ -77,9 +78,16 @@ def _entries(job: Job) -> dict[str, Any]:
     entries = merged(entries, job.flags)
     if "initial_sigma" in job.flags and entries.get("initial") is None and not job.resume:
         raise ConfigError("--initial-sigma is about --initial: give both, or neither")
-    if job.particles is not None:
-        entries = limited(entries, job.particles)
     return merged(entries, {"settings": job.assigned})
+
+
+def _limited(job: Job, entries: dict[str, Any]) -> dict[str, Any]:
+    """With as many particles as --particles says; what --set says wins."""
+    from mcloc.config import limited, merged
+
+    if job.particles is None:
+        return entries
+    return merged(limited(entries, job.particles), {"settings": job.assigned})
 
 
 def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
@@ -91,8 +99,8 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
     saved = job.out / NAME
     if job.resume and saved.exists():
         config, every = saved_config(saved)
-        _check_same(config, entries, saved)
-        return resume(saved, entries.get("threads")), job.every or every
+        _check_same(job, config, entries, saved)
+        return resume(saved, entries.get("threads")), every if job.every is None else job.every
     if job.resume and not entries.get("log"):
         raise ConfigError(f"--resume: no run was saved in {job.out}; name its folder with --out")
     if job.resume:
@@ -104,24 +112,35 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
             "which map? Give --map FILE, or --topic map=NAME for that of a bag, or --config with "
             "one in it"
         )
-    return Run(RunConfig(**{"map": None, **entries})), job.every
+    run = Run(RunConfig(**_limited(job, {"map": None, **entries})))
+    saved.unlink(missing_ok=True)  # it is another run's
+    return run, job.every
 
 
-def _check_same(saved: "RunConfig", entries: dict[str, Any], path: Path) -> None:
+def _check_same(job: Job, saved: "RunConfig", entries: dict[str, Any], path: Path) -> None:
     """Nothing that was asked for may differ from the saved run: half of each would be neither."""
     from mcloc.config import RunConfig, merged
 
     if not entries.get("settings"):
         entries = {key: value for key, value in entries.items() if key != "settings"}
     ours = {f.name: getattr(saved, f.name) for f in fields(saved)}
-    wanted = RunConfig(**merged(ours, entries)).resolved()
-    for f in fields(saved):
-        if f.name != "threads" and getattr(wanted, f.name) != getattr(saved, f.name):
-            raise ConfigError(
-                f"--resume: {path} was made with {f.name} = {getattr(saved, f.name)!r}, now it is "
-                f"{getattr(wanted, f.name)!r}; leave that option out, or start anew without "
-                "--resume"
-            )
+    wanted = RunConfig(**_limited(job, merged(ours, entries))).resolved()
+    for name, before, now in _differences(saved, wanted):
+        raise ConfigError(
+            f"--resume: {path} was made with {name} = {before!r}, now it is {now!r}; leave that "
+            "option out, or start anew without --resume"
+        )
+
+
+def _differences(a: "RunConfig", b: "RunConfig") -> Iterator[tuple[str, Any, Any]]:
+    """Names and values that differ and matter: threads change no result."""
+    for f in fields(a):
+        if f.name not in ("threads", "settings") and getattr(a, f.name) != getattr(b, f.name):
+            yield f.name, getattr(a, f.name), getattr(b, f.name)
+    for part, values in a.settings.items():
+        for name, value in values.items():
+            if b.settings[part][name] != value:
+                yield f"{part}.{name}", value, b.settings[part][name]
 
 
 def _estimates(job: Job, run: "Run", every: float | None) -> Iterator["Estimate"]:
@@ -150,10 +169,14 @@ def _estimates(job: Job, run: "Run", every: float | None) -> Iterator["Estimate"
 
 def _recording(job: Job, run: "Run") -> Path:
     """Where to record: a resumed run records the rest of it beside what was recorded before."""
-    names = ["recording", *(f"recording-{k}" for k in range(2, 1000))]
     if run.consumed == 0:
-        return job.out / names[0]
-    return next(job.out / name for name in names if not (job.out / name).exists())
+        return job.out / "recording"
+    for name in itertools.chain(["recording"], (f"recording-{k}" for k in itertools.count(2))):
+        # A run that was killed leaves its recording unfinished.
+        if not any((job.out / part).exists() for part in (name, f".{name}.unfinished")):
+            break
+    typer.echo(f"recording from here on into {job.out / name}", err=True)
+    return job.out / name
 
 
 def _snapshots(job: Job) -> "Snapshots | None":

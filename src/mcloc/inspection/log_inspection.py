@@ -105,11 +105,11 @@ class LogInspection:
         self.odometry.add(event.t)
         self._by_wheels.add(event.pose)
         self._buffer.add(event)
-        while self._waiting:
-            at = self._buffer.at(self._waiting[0].t, final=False)
-            if at is None:
-                break
-            self._posed(replace(self._waiting.popleft(), odometry=at))
+        while self._waiting and self._buffer.reaches(self._waiting[0].t):
+            scan = self._waiting.popleft()
+            at = self._buffer.at(scan.t)
+            if at is not None:
+                self._posed(replace(scan, odometry=at))
 
     def _scan(self, scan: Scan) -> None:
         laser = self.lasers.setdefault(scan.source, LaserInspection(scan))

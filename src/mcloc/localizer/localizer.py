@@ -1,5 +1,6 @@
 """Localizer: events in, in order of time; estimates out."""
 
+import operator
 import secrets
 import time
 from bisect import insort
@@ -10,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mcloc.density import Gaussian
+from mcloc.density import FAR, Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.estimate import Hypothesis, hypotheses
@@ -27,6 +28,7 @@ from mcloc.protocols import Density
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 MOST_WAITING = 1000  # scans without odometry
+LATENCY = 1.0  # s that a scan of one laser waits for those of another
 
 
 class Localizer:
@@ -54,7 +56,7 @@ class Localizer:
     ) -> None:
         self.composition = Composition(filter=filter) if isinstance(filter, str) else filter
         self.grid = grid
-        self.seed = secrets.randbits(32) if seed is None else seed
+        self.seed = secrets.randbits(32) if seed is None else operator.index(seed)
         self.policy = policy or UpdatePolicy()
         self.filter = self.composition.build(grid)
         self.ignored: Counter[str] = Counter()
@@ -85,7 +87,8 @@ class Localizer:
         """Take one event in; the estimates that it makes possible.
 
         A scan without an odometry pose of its own waits for the first odometry at or after its
-        stamp. Events that come late, twice or broken are left out and counted in `ignored`.
+        stamp, and one of several lasers for the others, up to a second. Events that come late,
+        twice or broken are left out and counted in `ignored`.
         """
         if isinstance(event, Odometry):
             self._odometry.add(event)
@@ -94,10 +97,15 @@ class Localizer:
         if reason:
             self.ignored[reason] += 1
             return []
-        passed, wrong = self._guard.passed(event)
-        if wrong is not None:
+        passed = self._guard.passed(event)
+        if passed.wrong is not None:
             self.ignored["scan stamp from the future"] += 1
-        for scan in passed:
+        if passed.set_back:
+            self.ignored["clock of scans set back"] += 1
+            self._waiting.clear()
+            self._newest.clear()
+            self._done = -np.inf
+        for scan in passed.events:
             self._queue(scan)
         return self._release()
 
@@ -145,13 +153,14 @@ class Localizer:
 
     def _queue(self, scan: Scan) -> None:
         """Let a scan wait for its turn, unless it comes twice or too late."""
-        if scan.t == self._newest[scan.source]:
+        newest = self._newest[scan.source]
+        if scan.t == newest:
             self.ignored["duplicate scan"] += 1
             return
-        if scan.t < max(self._done, self._newest[scan.source]):
+        self._newest[scan.source] = max(scan.t, newest)
+        if scan.t < max(self._done, newest):
             self.ignored["late scan"] += 1
             return
-        self._newest[scan.source] = scan.t
         insort(self._waiting, scan, key=lambda waiting: waiting.t)
         if len(self._waiting) > MOST_WAITING:
             self._waiting.pop(0)
@@ -162,15 +171,24 @@ class Localizer:
         done = []
         while self._waiting:
             scan = self._waiting[0]
-            at = scan.odometry if scan.odometry is not None else self._odometry.at(scan.t, final)
-            if at is None and not final:
+            if not final and not self._ready(scan):
                 break
             self._waiting.pop(0)
+            at = scan.odometry if scan.odometry is not None else self._odometry.at(scan.t)
             if at is None:
                 self.ignored["scan without odometry"] += 1
             else:
                 done.append(self._localize(scan, at))
         return done
+
+    def _ready(self, scan: Scan) -> bool:
+        """Whether its odometry is known, and no other laser may still bring an older scan."""
+        if scan.odometry is None and not self._odometry.reaches(scan.t):
+            return False
+        newest = max(*self._newest.values(), self._odometry.guard.newest)
+        return newest - scan.t > LATENCY or not any(
+            scan.t - LATENCY < t < scan.t for t in self._newest.values()
+        )
 
     def _localize(self, scan: Scan, at: Pose) -> Estimate:
         """Update if due, and carry the hypotheses along the odometry otherwise."""
@@ -228,6 +246,8 @@ def _broken(scan: Scan) -> str:
         return "scan stamp not finite"
     if scan.odometry is not None and not np.isfinite(scan.odometry).all():
         return "odometry not finite"
+    if scan.odometry is not None and (np.abs(scan.odometry[:2]) >= FAR).any():
+        return "odometry off any map"
     if not scan.returned.any():
         return "scan without returns"
     return ""

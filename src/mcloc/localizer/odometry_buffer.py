@@ -4,9 +4,13 @@ from collections import Counter, deque
 
 import numpy as np
 
+from mcloc.density import FAR
 from mcloc.events import Odometry
 from mcloc.geometry import Pose, interpolate
 from mcloc.localizer.leap_guard import LeapGuard
+
+EXTRAPOLATED = 1.0  # s before the first and after the last event; farther off, nobody knows
+INTERPOLATED = 3.0  # s to the nearer neighbour
 
 
 class OdometryBuffer:
@@ -24,10 +28,16 @@ class OdometryBuffer:
         if not (np.isfinite(event.t) and np.isfinite(event.pose).all()):
             self._ignored["odometry not finite"] += 1
             return
-        passed, wrong = self.guard.passed(event)
-        if wrong is not None:
+        if (np.abs(event.pose[:2]) >= FAR).any():
+            self._ignored["odometry off any map"] += 1
+            return
+        passed = self.guard.passed(event)
+        if passed.wrong is not None:
             self._ignored["odometry stamp from the future"] += 1
-        for e in passed:
+        if passed.set_back:
+            self._ignored["clock of odometry set back"] += 1
+            self.events.clear()
+        for e in passed.events:
             self._append(e)
 
     def finish(self) -> None:
@@ -42,18 +52,21 @@ class OdometryBuffer:
         else:
             self.events.append(event)
 
-    def at(self, t: float, final: bool) -> Pose | None:
-        """(3,): the pose at t, between its neighbours; None while the later one is still to come.
+    def reaches(self, t: float) -> bool:
+        """Whether events at or after t have come, so that nothing more will be known of it."""
+        return bool(self.events) and t <= self.events[-1].t
 
-        Where none will come (`final`) the last pose holds, and before the first event the first.
+    def at(self, t: float) -> Pose | None:
+        """(3,): the pose at t, between its neighbours; at the ends the first or last pose. None
+        where events are too far away from t.
         """
-        if not self.events or (t > self.events[-1].t and not final):
-            return None
         later = None
         for event in reversed(self.events):
             if event.t <= t:
                 if later is None:
-                    return event.pose
+                    return event.pose if t - event.t <= EXTRAPOLATED else None
+                if min(t - event.t, later.t - t) > INTERPOLATED:
+                    return None
                 return interpolate(event.pose, later.pose, (t - event.t) / (later.t - event.t))
             later = event
-        return self.events[0].pose
+        return later.pose if later is not None and later.t - t <= EXTRAPOLATED else None

@@ -14,7 +14,7 @@ from mcloc.filters.catalog import Composition
 from mcloc.filters.particle_filter import Belief, StepInfo
 from mcloc.filters.recovery import Evidence
 from mcloc.localizer.estimate import Update
-from mcloc.localizer.leap_guard import E
+from mcloc.localizer.leap_guard import E, LeapGuard
 from mcloc.localizer.localizer import Localizer
 from mcloc.localizer.policy import UpdatePolicy
 from mcloc.maps.occupancy import OccupancyGrid
@@ -59,8 +59,8 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "step": localizer.step,
         "ignored": dict(localizer.ignored),
         "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
-        "odometry_newest": str(localizer._odometry.guard.newest),
-        "scan_newest": str(localizer._guard.newest),
+        "odometry_guard": _guard(localizer._odometry.guard),
+        "scan_guard": _guard(localizer._guard),
         "newest": {source: str(t) for source, t in localizer._newest.items()},
         "done": str(localizer._done),
         "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
@@ -108,8 +108,8 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     odometry.events.extend(Odometry(float(row[0]), row[1:]) for row in arrays["odometry"])
     for row in arrays["odometry_held"]:
         odometry.guard.held = Odometry(float(row[0]), row[1:])
-    odometry.guard.newest = float(values["odometry_newest"])
-    localizer._guard.newest = float(values["scan_newest"])
+    _set(odometry.guard, values["odometry_guard"])
+    _set(localizer._guard, values["scan_guard"])
     for scan in values["held"]:
         localizer._guard.held = _scan_of(scan, "held", arrays)
     localizer._waiting = [
@@ -142,6 +142,14 @@ def _listed(hypotheses: tuple[Hypothesis, ...]) -> list[Any]:
 
 def _hypotheses(listed: list[Any]) -> tuple[Hypothesis, ...]:
     return tuple(Hypothesis(np.array(m), np.array(c), share) for m, c, share in listed)
+
+
+def _guard(guard: LeapGuard[Any]) -> list[Any]:
+    return [str(guard.newest), guard.behind]
+
+
+def _set(guard: LeapGuard[Any], values: list[Any]) -> None:
+    guard.newest, guard.behind = float(values[0]), values[1]
 
 
 def _held(event: E | None) -> list[E]:

@@ -39,6 +39,7 @@ class Checkpoints:
             "every": self.every,
             "config": run.config.to_yaml(),
             "consumed": run.consumed,
+            "last_event": run.read,
             "wall_time": run.wall_time,
             "localizer": values,
         }
@@ -63,6 +64,7 @@ def resume(path: Path, threads: int | None = None) -> Run:
     try:
         tables = {name: arrays.pop(f"history.{name}") for name in _TABLES}
         run.consumed, run.wall_time = values["consumed"], values["wall_time"]
+        run.last_event = values["last_event"]
         localizer = values["localizer"]
     except KeyError as cause:
         raise StateError(f"{path}: damaged, or no saved run ({cause} is missing)") from cause

@@ -32,7 +32,10 @@ class History:
         return len(self.rows)
 
     def add(self, e: Estimate) -> None:
-        """Take note of an estimate; of two with the same stamp, by two lasers, the later stays."""
+        """Take note of an estimate; of two with the same stamp, by two lasers, the later stays.
+
+        Where the clock was set back, what has a later stamp goes: it would contradict this.
+        """
         info, evidence = e.update.info, e.update.info.evidence
         assert evidence.fast is not None
         assert evidence.slow is not None
@@ -41,10 +44,9 @@ class History:
             *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),
             *(evidence.fast, evidence.slow, e.update.explained, *e.odometry),
         )
-        if len(self) and e.t == self.last("t"):
-            self.rows.replace_last(*row)
-        else:
-            self.rows.add(*row)
+        while len(self) and e.t <= self.last("t"):
+            self.rows.drop_last()
+        self.rows.add(*row)
         if e.updated:
             self.updates.add(e.t, e.update.duration, info.n)
             for nth, n in enumerate(info.sizes):

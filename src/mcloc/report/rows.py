@@ -26,10 +26,9 @@ class Rows:
         """The last row."""
         return tuple(self._numbers[-self.width :])
 
-    def replace_last(self, *row: float) -> None:
-        """Put a row in the place of the last one."""
+    def drop_last(self) -> None:
+        """Take the last row away."""
         del self._numbers[-self.width :]
-        self.add(*row)
 
     @property
     def table(self) -> NDArray[np.float64]:

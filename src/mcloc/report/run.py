@@ -1,13 +1,16 @@
 """A log, from its first event to its last, through the localizer that a config describes."""
 
+import hashlib
+import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from itertools import dropwhile, takewhile
+from collections.abc import Iterator
+
+import numpy as np
 
 from mcloc.config import RunConfig
-from mcloc.errors import LogError
-from mcloc.events import Event
+from mcloc.errors import LogError, StateError
+from mcloc.events import Event, Scan
 from mcloc.io.bag_map import read_map
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
@@ -17,6 +20,8 @@ from mcloc.localizer import Estimate, Localizer
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.report.history import History
 from mcloc.trajectory import Trajectory
+
+MOST_BEYOND = 1000  # events after `end` in a row, then no more are looked at
 
 
 class Run:
@@ -47,6 +52,8 @@ class Run:
         self.history = History()
         self.history.sizes.add(0, 0, len(self.localizer.belief.particles))
         self.consumed = 0
+        self.last_event: str | None = None  # fingerprint, of a run that is resumed
+        self._last: Event | None = None
         self.wall_time = 0.0
 
     def __iter__(self) -> Iterator[Estimate]:
@@ -60,6 +67,7 @@ class Run:
         began = time.perf_counter() - self.wall_time
         for event in self._events():
             self.consumed += 1
+            self._last = event
             yield self._noted(self.localizer.process(event), began)
         yield self._noted(self.localizer.finish(), began)
         if not len(self.history):
@@ -73,6 +81,11 @@ class Run:
         """How many events were left out, by reason."""
         return self.localizer.ignored + Counter(self.log.skipped)
 
+    @property
+    def read(self) -> str | None:
+        """Fingerprint of the last event that was consumed."""
+        return self.last_event if self._last is None else fingerprint(self._last)
+
     def _noted(self, estimates: list[Estimate], began: float) -> list[Estimate]:
         for estimate in estimates:
             self.history.add(estimate)
@@ -80,29 +93,49 @@ class Run:
         return estimates
 
     def _events(self) -> Iterator[Event]:
-        """From the first event at or after `start` to the last one before any after `end`; those
-        that were consumed already are passed over.
+        """Those of the part of the log that was asked for; what was consumed already is passed
+        over.
         """
-        start, end = self.config.start, self.config.end
-        events: Iterable[Event] = self.log
-        if start is not None:
-            events = dropwhile(lambda event: event.t < start, events)
-        if end is not None:
-            events = takewhile(lambda event: event.t <= end, events)
-        rest = iter(events)
+        events, last = self._within(), None
         for k in range(self.consumed):
-            if next(rest, None) is None:
-                raise LogError(
+            last = next(events, None)
+            if last is None:
+                raise StateError(
                     f"{self.config.log}: ends after {k} events, but the run that is to be resumed "
                     f"had read {self.consumed}; is it the same log?"
                 )
-        return rest
+        if last is not None and fingerprint(last) != self.last_event:
+            raise StateError(
+                f"{self.config.log}: event {self.consumed} is not what the run that is to be "
+                "resumed had read; is it the same log?"
+            )
+        return events
+
+    def _within(self) -> Iterator[Event]:
+        """The events from `start` to `end`. One wrong stamp does not end them."""
+        start = -math.inf if self.config.start is None else self.config.start
+        end = math.inf if self.config.end is None else self.config.end
+        beyond = 0
+        for event in self.log:
+            if start <= event.t <= end:
+                beyond = 0
+                yield event
+            elif event.t > end:
+                beyond += 1
+                if beyond == MOST_BEYOND:
+                    return
 
     def _between(self) -> str:
         """The part of the log that was asked for, in words."""
         start, end = self.config.start, self.config.end
         after = "" if start is None else f" from start = {start:g} s on"
         return after + ("" if end is None else f" up to end = {end:g} s")
+
+
+def fingerprint(event: Event) -> str:
+    """Tells one event from another."""
+    reading = event.ranges if isinstance(event, Scan) else event.pose
+    return hashlib.sha256(np.array([event.t, *reading]).tobytes()).hexdigest()
 
 
 def _grid(config: RunConfig) -> OccupancyGrid:
