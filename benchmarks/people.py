@@ -118,6 +118,8 @@ def main() -> None:
                 [x[k] for x in found.values()] for k in ("precision", "recall", "median", "worst")
             )
         ]
+        if people == "none":
+            cells[:2] = "–", "–"
         lost = np.mean([x["lost"] for x in found.values()])
         better = sum(x["median"] < plain[seed]["median"] for seed, x in found.items())
         cells += [f"{100 * lost:.1f} %", "–" if people == "none" else f"{better}/{len(found)}"]
