@@ -1,8 +1,10 @@
 """A run's description: to YAML and back, complete, and strict about names."""
 
 import math
+import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -13,13 +15,17 @@ from mcloc.errors import ConfigError, McLocError
 from mcloc.filters.catalog import REGISTRIES
 from mcloc.registry import parameters
 
+NOT_UTF8 = os.fsdecode(b"floor-\xff")
+
 finite = st.floats(allow_nan=False, allow_infinity=False)
 poses = st.none() | st.tuples(finite, finite, finite)
+on_robot = st.floats(-7.0, 7.0)
+mounts = st.none() | st.tuples(on_robot, on_robot, finite)
 
 
 @given(
     initial=poses,
-    mount=poses,
+    mount=mounts,
     start=st.none() | st.floats(-1e9, 0.0),
     seed=st.none() | st.integers(0, 2**64 - 1),
     path=st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), min_size=1),
@@ -111,10 +117,39 @@ def test_limited(size: str, particles: int, expected: dict[str, int]) -> None:
     assert limited({"size": size}, particles)["settings"]["size"] == expected
 
 
-def test_a_start_after_the_end_is_no_run() -> None:
-    for start, end in ((2.0, 1.0), (math.nan, None), (None, math.nan)):
-        with pytest.raises(ConfigError, match="after end"):
-            RunConfig("m", "l", start=start, end=end)
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"start": 2.0, "end": 1.0}, "start = 2 s must not lie after end = 1 s"),
+        ({"start": math.nan}, "start must be a finite number of seconds, got nan"),
+        ({"end": math.inf}, "end must be a finite number of seconds, got inf"),
+        (
+            {"mount": (1e300, 0.0, 0.0)},
+            r"mount must be .* at most 10 m .* got \[1e\+300, 0\.0, 0\.0\]",
+        ),
+        ({"mount": (8.0, 8.0, 0.0)}, "mount must be a pose on the robot"),
+        ({"mount": (0.0, math.nan, 0.0)}, "mount must be a pose on the robot"),
+        ({"mount": (0.0, 0.0, math.inf)}, "mount must be a pose on the robot"),
+        ({"mount": (0.0, 0.0)}, "mount must be a pose on the robot"),
+        ({"map": NOT_UTF8}, r"map must be a name in UTF-8, got 'floor-\\udcff'; rename it"),
+        ({"log": NOT_UTF8}, "log must be a name in UTF-8"),
+        ({"truth": NOT_UTF8}, "truth must be a name in UTF-8"),
+        ({"truth": "a\0b"}, r"truth must be a name in UTF-8, got 'a\\x00b'"),
+        (
+            {"size": "recorded", "settings": {"size": {"file": NOT_UTF8}}},
+            r"size\.file must be a name in UTF-8",
+        ),
+    ],
+)
+def test_what_cannot_be_is_named(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        RunConfig(**{"map": "m", "log": "l", **given})
+
+
+def test_a_policy_that_cannot_be_is_named_as_it_is_set() -> None:
+    config = RunConfig("m", "l", settings={"update": {"distance": -1.0}})
+    with pytest.raises(ConfigError, match=r"^update\.distance = -1\.0 m must be >= 0$"):
+        config.policy  # noqa: B018
 
 
 @given(st.text() | st.binary().map(lambda raw: raw.decode("latin-1")))

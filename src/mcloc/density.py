@@ -1,5 +1,6 @@
 """Densities over states that particles are drawn from."""
 
+import reprlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,9 @@ from mcloc.errors import ConfigError
 from mcloc.geometry import wrap
 from mcloc.statespace import LogWeights, States
 
-FAR = 1e6  # m; no map reaches there
+FAR = 1e7  # m; no map reaches there, in UTM coordinates neither
+WIDEST = 1e4, 2.0 * np.pi
+"""m, rad: deviations beyond these say nothing about a robot on a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,20 +29,22 @@ class Gaussian:
     @classmethod
     def told(cls, name: str, pose: ArrayLike, covariance: ArrayLike) -> "Gaussian":
         """What somebody said. name: of the pose, for messages. Raises ConfigError for a pose or a
-        covariance that cannot be.
+        covariance that cannot be, also for deviations of more than 10⁴ m or 2π rad.
         """
-        mean, spread = np.asarray(pose, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+        mean, spread = _numbers(pose), _numbers(covariance)
         if mean.shape != (3,) or not (np.abs(mean) < FAR).all():
-            raise ConfigError(f"the {name} must be three finite numbers x, y, θ, got {pose!r}")
+            raise ConfigError(f"the {name} must be three finite numbers x, y, θ, got {_line(pose)}")
+        about = f"the covariance of the {name} must be"
         if spread.shape != (3, 3) or not (np.abs(spread) < FAR**2).all():
             raise ConfigError(
-                f"the covariance of the {name} must be (3, 3), finite, of x, y, θ in m, m, rad, "
-                f"got {covariance!r}"
+                f"{about} (3, 3), finite, of x, y, θ in m, m, rad, got {_line(covariance)}"
             )
         if not np.allclose(spread, spread.T) or np.linalg.eigvalsh(spread)[0] <= 0.0:
+            raise ConfigError(f"{about} symmetric and positive definite, got {_line(spread)}")
+        farthest, turn = WIDEST
+        if np.linalg.eigvalsh(spread[:2, :2])[1] > farthest**2 or spread[2, 2] > turn**2:
             raise ConfigError(
-                f"the covariance of the {name} must be symmetric and positive definite, got "
-                f"{spread.tolist()}"
+                f"{about} that of deviations up to {farthest:g} m and 2π rad, got {_line(spread)}"
             )
         return cls(mean, spread)
 
@@ -64,3 +69,18 @@ class Gaussian:
         norm = float(np.log(np.diag(self._root) * np.sqrt(2.0 * np.pi)).sum())
         density: LogWeights = -0.5 * (scaled**2).sum(axis=0) - norm
         return density
+
+
+def _numbers(told: ArrayLike) -> NDArray[np.float64]:
+    """As an array, an empty one where these are no real numbers."""
+    try:
+        table = np.asarray(told)
+    except ValueError:  # lists of several lengths
+        return np.empty(0)
+    return table.astype(np.float64) if table.dtype.kind in "iuf" else np.empty(0)
+
+
+def _line(told: ArrayLike) -> str:
+    """For a message, on one line."""
+    listed = told.tolist() if isinstance(told, np.ndarray) else told
+    return " ".join(reprlib.repr(listed).split())

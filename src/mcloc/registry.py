@@ -8,6 +8,7 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 from mcloc.errors import ConfigError
@@ -45,6 +46,15 @@ class ParameterError(ConfigError):
     def __init__(self, owner: str, fault: str) -> None:
         super().__init__(f"{owner}.{fault}")
         self.fault = fault
+
+
+@contextmanager
+def named(owner: str) -> Iterator[None]:
+    """Errors about parameters name the part as its user does."""
+    try:
+        yield
+    except ParameterError as error:
+        raise ParameterError(owner, error.fault) from None
 
 
 class Configurable:
@@ -118,10 +128,8 @@ class Registry(Generic[T]):
                 raise ConfigError(
                     f"{self.kind} {name!r} has no parameter {key!r}; {suggest(key, known)}"
                 )
-        try:
+        with named(self.kind):
             return cls(*bound, **settings)
-        except ParameterError as error:
-            raise ParameterError(self.kind, error.fault) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parts)

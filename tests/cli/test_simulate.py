@@ -76,6 +76,21 @@ def test_any_map_will_do_and_stays_as_it_is(mcloc: Mcloc, tmp_path: Path) -> Non
     assert (tmp_path / "a/map.pgm").read_bytes() == before
 
 
+@pytest.mark.parametrize("name", ["floor.yaml", "there/../floor.yaml", "link.yaml"])
+def test_the_image_of_a_map_is_not_replaced(name: str, mcloc: Mcloc, tmp_path: Path) -> None:
+    """Nor where a map of another name has it, or the map is linked to."""
+    folder = tmp_path / "maps"
+    (folder / "there").mkdir(parents=True)
+    office_world(8).save(folder / "map.yaml")
+    (folder / "map.yaml").rename(folder / "floor.yaml")
+    (folder / "link.yaml").symlink_to(folder / "floor.yaml")
+    before = (folder / "map.pgm").read_bytes()
+    done = mcloc("simulate", *SHORT, "--map", folder / name, "--out", folder / "there" / "..")
+    assert done.code == 2
+    assert "would be replaced; give another folder" in done.stderr
+    assert (folder / "map.pgm").read_bytes() == before
+
+
 def test_a_map_without_room(mcloc: Mcloc, tmp_path: Path) -> None:
     solid = np.full((40, 40), OCCUPIED, dtype=np.int8)
     OccupancyGrid(solid, 0.05, np.zeros(3)).save(tmp_path / "solid.yaml")
@@ -88,7 +103,7 @@ def test_a_map_without_room(mcloc: Mcloc, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (("--length", 0), "length"),
+        (("--length", 0), "error: --length = 0.0 m must be >= 1"),
         (("--length", "nan"), "length"),
         (("--world", "ofice"), "office"),
         (("--world", "office", "--map", "x.yaml"), "exclude"),
@@ -98,10 +113,10 @@ def test_a_map_without_room(mcloc: Mcloc, tmp_path: Path) -> None:
         (("--lasers", 3), "--lasers"),
         (("--format", "bag"), "mcap"),
         (("--glass", 2), "glass"),
-        (("--slip", -0.1), "slip"),
+        (("--slip", -0.1), "error: --slip = -0.1 must be"),
         (("--missing", 1.1), "missing"),
         (("--people", -1), "people"),
-        (("--range-max", 0), "range_max"),
+        (("--range-max", 0), "error: --range-max = 0.0 m must be > 0"),
         (("--seed", -1), "seed"),
         (("--map", "nowhere.yaml"), "nowhere.yaml"),
     ],

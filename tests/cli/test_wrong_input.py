@@ -1,6 +1,7 @@
 """Wrong input: a McLocError in one or two lines on stderr, exit code 2, no traceback."""
 
 import gzip
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -103,7 +104,11 @@ WRONG: dict[str, tuple[Wrong, str]] = {
     "mount is no pose": (flags("--mount", "front"), "--mount"),
     "start after end": (flags("--start", 5, "--end", 1), "after end"),
     "start after the log": (flags("--start", 1e9, "--end", 2e9), "no usable scan"),
-    "start NaN": (flags("--start", "nan"), "start"),
+    "start NaN": (flags("--start", "nan"), "start must be a finite number"),
+    "mount off the robot": (flags("--mount", "1e300,0,0"), "mount must be a pose on the robot"),
+    "sigma absurd": (flags("--initial", "5,7,0", "--initial-sigma", "1e5,1,5"), "10000 m"),
+    "update out of range": (flags("--set", "update.distance=-1"), "error: update.distance = -1"),
+    "log is not UTF-8": (flags("--log", os.fsdecode(b"drive-\xff")), "log must be a name in UTF-8"),
     "no particles": (flags("--particles", 0), "particle"),
     "no particles, fixed": (flags("--size", "fixed", "--particles", 0), "particle"),
     "no particles, set": (flags("--size", "fixed", "--set", "size.particles=0"), "particles"),
@@ -131,7 +136,7 @@ WRONG: dict[str, tuple[Wrong, str]] = {
     "config pose": (config("initial: [1, 2]\n"), "initial"),
     "config settings": (config("settings: [1]\n"), "settings"),
     "config size": (config("size: [1]\n"), "size"),
-    "out is a file": (occupied_out, "--out"),
+    "out is a file": (occupied_out, "is a file"),
     "option unknown": (flags("--sed", 1), "--sed"),
     "option no number": (flags("--seed", "one"), "--seed"),
 }

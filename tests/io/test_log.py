@@ -7,7 +7,7 @@ import pytest
 
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Scan
-from mcloc.io.log import read_log
+from mcloc.io.log import read_log, read_odometry
 
 
 def flaser(x=0.0, reading="2.0", laser_x=None):
@@ -74,6 +74,30 @@ def test_a_laser_that_wanders_over_the_robot_needs_a_mount(write):
     with pytest.raises(LogError, match="--mount"):
         list(read_log(path))
     assert len(list(read_log(path, mount=(0.0, 0.0, 0.0)))) == 10
+
+
+def test_a_given_mount_is_of_one_laser(write):
+    path = write(flaser() * 3 + flaser().replace("FLASER", "RLASER"))
+    with pytest.raises(ConfigError, match=r"drive\.log: the mount .* several: front, rear; leave"):
+        list(read_log(path, mount=(0.1, 0.0, 0.0)))
+    assert len(list(read_log(path))) == 4
+
+
+def test_odometry_beyond_any_map_is_skipped(write):
+    wheels = "ODOM -1e300 0 0 0 0 0 1.0 host 1.0\nODOM 3 4 0 0 0 0 1.0 host 1.0\n"
+    log = read_log(write(wheels + flaser(x=1e6) + flaser()))
+    assert len(list(log)) == 2
+    assert log.skipped == {"odometry beyond 1e+06 m": 2}
+
+
+def test_odometry_alone_needs_no_mount(write):
+    wandering = "".join(flaser(x=x, laser_x=1.1 * x) for x in range(10))
+    path = write("ODOM nan 0 0 0 0 0 1.0 host 1.0\n" + wandering)
+    assert [event.odometry[0] for event in read_odometry(path)] == list(range(10))
+    with pytest.raises(ConfigError, match="topics are of ROS bags; this is CARMEN"):
+        read_odometry(path, {"odometry": "/odom"})
+    with pytest.raises(LogError, match="not a log"):
+        read_odometry(write("Once upon a time\n"))
 
 
 def test_scans_that_are_skipped_say_nothing_of_the_mount(write):

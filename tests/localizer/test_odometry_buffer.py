@@ -60,7 +60,7 @@ def test_nothing_is_known_without_odometry():
 def test_what_is_left_out_and_why():
     buffer = filled((1.0, 0.0, 0.0, 0.0), (2.0, 1.0, 0.0, 0.0))
     zero = np.zeros(3)
-    far, infinite = np.array([1e6, 0.0, 0.0]), np.array([0.0, np.inf, 0.0])
+    far, infinite = np.array([1e7, 0.0, 0.0]), np.array([0.0, np.inf, 0.0])
     for t, pose in ((2.0, zero), (1.5, zero), (np.nan, zero), (3.0, infinite), (3.0, far)):
         buffer.add(Odometry(t, pose))
     assert buffer._ignored == {

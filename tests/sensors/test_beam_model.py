@@ -152,6 +152,19 @@ def test_no_return_is_information(name, none):
     assert near < -1.5
 
 
+@pytest.mark.parametrize("range_max", [np.inf, 3.4e38])
+@pytest.mark.parametrize("name", BEAMS)
+def test_a_laser_without_a_limit_reaches_across_the_map(name, range_max):
+    model, diagonal = SENSORS.make(name, room()), CELL * np.hypot(30, 60)
+    x = some_poses(np.random.default_rng(10), 50, (0.0, 0.0, 0.0))
+    readings, angles = [0.7, 2.0, 5.0, 20.0, np.inf, np.nan], np.linspace(-1.2, 1.2, 6)
+    found = model.log_likelihood(x, scan(readings, angles, range_max))
+    assert np.ptp(found) > 1.0
+    np.testing.assert_array_equal(found, model.log_likelihood(x, scan(readings, angles, diagonal)))
+    stated = scan(readings, angles, 80.0)
+    assert (model.log_likelihood(x, stated) != found).all()  # a limit that may be is believed
+
+
 def test_what_lies_behind_the_unknown_does_not_matter():
     """Out of the gap: no return has p_max_unknown, every return the same density."""
     model = FourPartBeams(room(), p_max_unknown=0.3, effective_beams=1.0)

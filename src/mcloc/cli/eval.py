@@ -5,6 +5,9 @@ from typing import Annotated
 
 import typer
 
+from mcloc.cli.values import topics
+from mcloc.errors import ConfigError
+
 
 def evaluate_files(
     estimate: Annotated[
@@ -29,6 +32,12 @@ def evaluate_files(
             "kidnapped; how soon it recovers is then told.",
         ),
     ] = None,
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=TOPIC", help="Which topic of a bag is the odometry: odometry=/odom."
+        ),
+    ] = None,
     kidnapped: Annotated[
         list[float] | None,
         typer.Option(metavar="T", help="A kidnapping at this stamp (s); may be repeated."),
@@ -46,15 +55,17 @@ def evaluate_files(
     """
     from mcloc.cli.story import told_accuracy
     from mcloc.evaluation import evaluate
-    from mcloc.io.log import read_log
+    from mcloc.io.log import read_odometry
     from mcloc.io.tum import read_trajectory
     from mcloc.report.summary import to_json
     from mcloc.report.wheels import Wheels
 
+    if topic and log is None:
+        raise ConfigError("--topic is about a log: give one with --log")
     path = estimate / "estimates.csv" if estimate.is_dir() else estimate
     wheels = Wheels()
     estimated, truth = read_trajectory(path), read_trajectory(reference)
-    for _ in wheels.watch(read_log(log) if log is not None else ()):
+    for _ in wheels.watch(read_odometry(log, topics(topic or [])) if log is not None else ()):
         pass
     accuracy = evaluate(
         estimated, truth, odometry=wheels.trajectory, kidnappings=kidnapped or ()

@@ -58,6 +58,7 @@ def show_info(
     Each finding has "check" (a name that stays), "about", "what", "evidence" and "remedy".
     """
     from mcloc.cli.info_story import told_info
+    from mcloc.config.run_config import check_mount
     from mcloc.report.summary import to_json
 
     maps = [path for path in files if _is_map(path)]
@@ -74,7 +75,10 @@ def show_info(
         raise ConfigError("--topic and --mount are about a log: give one")
     grid = _map(maps, logs, on_topic)
     failures: list[McLocError] = []
-    info = _inspected(grid, logs, pose("--mount", mount), wanted, failures)
+    at = pose("--mount", mount)
+    if at is not None:
+        check_mount(at)
+    info = _inspected(grid, logs, at, wanted, failures)
     typer.echo(to_json(info) if json else told_info(info), nl=False)
     for failure in failures:
         raise failure

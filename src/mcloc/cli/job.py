@@ -43,18 +43,19 @@ def execute(job: Job) -> None:
     entries = _entries(job)
     check_folder(job.out)
     failure: BaseException | None = None
+    recorded: list[Path] = []
     run: Run | None = None
     snapshots = _snapshots(job)
     try:
         run, every = _run(job, entries)
-        for estimate in _estimates(job, run, every):
+        for estimate in _estimates(job, run, every, recorded):
             if snapshots is not None:
                 snapshots.add(estimate)
     except (McLocError, KeyboardInterrupt) as cause:
         failure = cause
     if run is not None and len(run.history):
         try:
-            _write(job, run, snapshots)
+            _write(job, run, snapshots, recorded)
         except McLocError as cause:
             raise failure or cause from None
         if failure is not None:
@@ -93,7 +94,7 @@ def _limited(job: Job, entries: dict[str, Any]) -> dict[str, Any]:
 def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
     """A new run, or the one to be resumed; and how often to save it."""
     from mcloc.config import RunConfig
-    from mcloc.report import Run
+    from mcloc.report import Run, check_folder
     from mcloc.report.checkpoint import NAME, resume, saved_config
 
     saved = job.out / NAME
@@ -112,7 +113,9 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
             "which map? Give --map FILE, or --topic map=NAME for that of a bag, or --config with "
             "one in it"
         )
-    run = Run(RunConfig(**_limited(job, {"map": None, **entries})))
+    config = RunConfig(**_limited(job, {"map": None, **entries}))
+    check_folder(job.out, (config.map, config.log, config.truth))
+    run = Run(config)
     saved.unlink(missing_ok=True)  # it is another run's
     return run, job.every
 
@@ -143,7 +146,9 @@ def _differences(a: "RunConfig", b: "RunConfig") -> Iterator[tuple[str, Any, Any
                 yield f"{part}.{name}", value, b.settings[part][name]
 
 
-def _estimates(job: Job, run: "Run", every: float | None) -> Iterator["Estimate"]:
+def _estimates(
+    job: Job, run: "Run", every: float | None, recorded: list[Path]
+) -> Iterator["Estimate"]:
     """The run's estimates as they come, shown, recorded and saved on the way."""
     from mcloc.cli.progress import shown
     from mcloc.io.recording import Recording
@@ -154,7 +159,8 @@ def _estimates(job: Job, run: "Run", every: float | None) -> Iterator["Estimate"
         show = stack.enter_context(shown())
         recording = None
         if job.record:
-            recording = stack.enter_context(Recording(_recording(job, run), run.grid))
+            recorded.append(_recording(job, run))
+            recording = stack.enter_context(Recording(recorded[-1], run.grid))
         for estimates in run.by_event():
             for estimate in estimates:
                 show(estimate)
@@ -185,7 +191,7 @@ def _snapshots(job: Job) -> "Snapshots | None":
     return Snapshots() if job.gif else None
 
 
-def _write(job: Job, run: "Run", snapshots: "Snapshots | None") -> None:
+def _write(job: Job, run: "Run", snapshots: "Snapshots | None", recorded: list[Path]) -> None:
     from mcloc.cli.story import told
     from mcloc.report import write_run
     from mcloc.report.animation import animate
@@ -193,7 +199,10 @@ def _write(job: Job, run: "Run", snapshots: "Snapshots | None") -> None:
     from mcloc.storage import replacing
 
     summary = write_run(run, job.out, job.plot)
+    pictures = [job.out / "run.png"] if job.plot else []
     if snapshots is not None and snapshots.kept:
-        with replacing(job.out / "run.gif") as path:
+        pictures.append(job.out / "run.gif")
+        with replacing(pictures[-1]) as path:
             animate(run, snapshots, path)
-    typer.echo(to_json(summary) if job.json else told(summary, job.out), nl=False)
+    story = told(summary, job.out, [*pictures, *recorded])
+    typer.echo(to_json(summary) if job.json else story, nl=False)

@@ -1,5 +1,9 @@
 """`mcloc`: its commands, and what becomes of their errors."""
 
+import io
+import os
+import signal
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -15,8 +19,14 @@ from mcloc.errors import McLocError
 # The class of "no such option" and its like; typer names none, and its home moved between versions.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
+FAILED = 1
 INPUT_WRONG = 2
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+TERMINATED = 143  # 128 + SIGTERM
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM: what Ctrl-C saves is saved then, too."""
 
 
 class _Commands(typer.core.TyperGroup):
@@ -31,9 +41,10 @@ class _Commands(typer.core.TyperGroup):
             where = getattr(getattr(cause, "ctx", None), "command_path", "mcloc")
             typer.echo(f"error: {cause.format_message()}", err=True)  # type: ignore[attr-defined]
             typer.echo(f"`{where} --help` lists what it takes.", err=True)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as cause:
             typer.echo("interrupted", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            code = TERMINATED if isinstance(cause, _Terminated) else INTERRUPTED
+            raise typer.Exit(code) from None
         raise typer.Exit(INPUT_WRONG)
 
 
@@ -68,4 +79,27 @@ def main_options(
 
 def main() -> None:
     """The program."""
-    app()
+    signal.signal(signal.SIGTERM, _terminate)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # rather no θ than no result
+    try:
+        app()
+    except OSError as cause:
+        if sys.stdout is None or _takes_output():
+            raise
+        typer.echo(f"error: stdout cannot be written ({cause.strerror})", err=True)
+        sys.exit(FAILED)
+
+
+def _terminate(*_: object) -> None:
+    raise _Terminated
+
+
+def _takes_output() -> bool:
+    """Whether stdout can be written, by trying; where not, what waits to be is given up."""
+    try:
+        print(flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return False
+    return True

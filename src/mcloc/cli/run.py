@@ -215,7 +215,8 @@ def run(
 
     The folder of --out gets trajectory.tum, estimates.csv, timing.csv, summary.json, config.yaml
     and run.png. If the log is cut in the middle, or the run is interrupted, they hold the results
-    so far. Exit codes: 0 done, 2 the input was wrong, 130 interrupted.
+    so far. Exit codes: 0 done, 1 stdout cannot be written, 2 the input was wrong, 130
+    interrupted, 143 terminated; then, too, the results so far are written.
     """
     if search and initial is not None:
         raise ConfigError("--global and --initial exclude each other: give one of them")

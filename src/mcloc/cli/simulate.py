@@ -1,6 +1,9 @@
 """`mcloc simulate`: a world, and a robot that drives through it, as files to localize on."""
 
+import os
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -113,15 +116,16 @@ def simulate_drive(
         raise ConfigError(f"unknown --format {format!r}; {suggest(format, LOGS)}")
     if kidnap and kidnap_at:
         raise ConfigError("--kidnap and --kidnap-at exclude each other: give one of them")
-    scenario = Scenario(
-        length=length,
-        people=people,
-        glass=glass,
-        glass_mapped=not unmapped_glass,
-        kidnap_at=tuple(kidnap_at) if kidnap_at else evenly(kidnap, length),
-        wheels=Wheels(slip=slip),
-        lasers=_lasers(lasers, missing, range_max),
-    )
+    with _options():
+        scenario = Scenario(
+            length=length,
+            people=people,
+            glass=glass,
+            glass_mapped=not unmapped_glass,
+            kidnap_at=tuple(kidnap_at) if kidnap_at else evenly(kidnap, length),
+            wheels=Wheels(slip=slip),
+            lasers=_lasers(lasers, missing, range_max),
+        )
     grid = _grid(world, map, seed, out)
     check_folder(out)
     with Console(stderr=True).status(f"driving {length:g} m ..."):  # on a terminal only
@@ -129,6 +133,18 @@ def simulate_drive(
         write_drive(drive, out, format)
     written = _written(drive, out, format)
     typer.echo(to_json(written) if json else _told(written), nl=False)
+
+
+@contextmanager
+def _options() -> Iterator[None]:
+    """Errors about parameters name them as the options that they come from."""
+    from mcloc.registry import ParameterError
+
+    try:
+        yield
+    except ParameterError as error:
+        name, rest = error.fault.split(" ", 1)
+        raise ConfigError(f"--{name.replace('_', '-')} {rest}") from None
 
 
 def _lasers(n: int, missing: float, range_max: float) -> tuple["Laser", ...]:
@@ -161,8 +177,9 @@ def _grid(world: str | None, map: str | None, seed: int, out: Path) -> "Occupanc
         return WORLDS[name](seed)
     if world is not None:
         raise ConfigError("--world and --map exclude each other: give one of them")
-    if Path(map).resolve() == (out / "map.yaml").resolve():
-        raise ConfigError(f"--out {out}: {map} would be replaced; give another folder")
+    beside = (os.path.realpath(Path(map).parent), os.path.dirname(os.path.realpath(map)))
+    if os.path.realpath(out) in beside:
+        raise ConfigError(f"--out {out}: {map} or its image would be replaced; give another folder")
     return OccupancyGrid.load(map)
 
 

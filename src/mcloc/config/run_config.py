@@ -13,7 +13,7 @@ from typing import Any, cast
 from mcloc.errors import ConfigError
 from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
 from mcloc.localizer import UpdatePolicy
-from mcloc.registry import Value, parameters, suggest
+from mcloc.registry import Value, named, parameters, suggest
 
 Triple = tuple[float, float, float]
 Settings = Mapping[str, Mapping[str, Value]]
@@ -25,6 +25,9 @@ TOPICS = ("scan", "odometry", "map", "truth")
 
 PARTS = (*REGISTRIES, "update")
 """What has parameters to set; `update` says when a scan is used."""
+
+FARTHEST_MOUNT = 10.0
+"""m from the robot's centre."""
 
 _NOTES = {
     "map": "null: the topic of the log that `topics` names",
@@ -81,12 +84,17 @@ class RunConfig:
             if part not in PARTS:
                 raise ConfigError(f"unknown part {part!r}; {suggest(part, PARTS)}")
         self._check_topics()
+        for role in ("map", "log", "truth"):
+            check_path(role, getattr(self, role) or "")
+        if self.mount is not None:
+            check_mount(self.mount)
         if self.threads is not None and self.threads < 1:
             raise ConfigError(f"threads must be >= 1, got {self.threads}")
-        start = -math.inf if self.start is None else self.start
-        end = math.inf if self.end is None else self.end
-        if not start <= end:
-            raise ConfigError(f"start = {start:g} s must not lie after end = {end:g} s")
+        for name, stamp in (("start", self.start), ("end", self.end)):
+            if stamp is not None and not math.isfinite(stamp):
+                raise ConfigError(f"{name} must be a finite number of seconds, got {stamp}")
+        if self.start is not None and self.end is not None and self.start > self.end:
+            raise ConfigError(f"start = {self.start:g} s must not lie after end = {self.end:g} s")
         settings = {part: self._typed(part) for part in PARTS}
         object.__setattr__(self, "settings", {part: of for part, of in settings.items() if of})
 
@@ -129,7 +137,8 @@ class RunConfig:
     @property
     def policy(self) -> UpdatePolicy:
         """When a scan is used."""
-        return UpdatePolicy(**dict(self.settings.get("update", {})))  # type: ignore[arg-type]
+        with named("update"):
+            return UpdatePolicy(**dict(self.settings.get("update", {})))  # type: ignore[arg-type]
 
     def to_yaml(self) -> str:
         """As a file for `read_entries`; units stand in comments."""
@@ -167,6 +176,22 @@ class RunConfig:
         }
 
 
+def check_mount(mount: Triple) -> None:
+    """Raises ConfigError for a laser that is not on the robot."""
+    near = len(mount) == 3 and math.hypot(*mount[:2]) <= FARTHEST_MOUNT
+    if not (near and math.isfinite(mount[2])):
+        raise ConfigError(
+            f"mount must be a pose on the robot, at most {FARTHEST_MOUNT:g} m from its centre, got "
+            f"{list(mount)} (m, m, rad)"
+        )
+
+
+def check_path(where: str, text: str) -> None:
+    """Raises ConfigError for what no config.yaml could name: bytes that are no UTF-8, or a NUL."""
+    if "\0" in text or any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise ConfigError(f"{where} must be a name in UTF-8, got {text!a}; rename it")
+
+
 def _defaults(part: type[Any]) -> dict[str, Value]:
     return {f.name: cast(Value, f.default) for f in parameters(part)}
 
@@ -176,6 +201,7 @@ def _value(where: str, value: Value, kind: type) -> Value:
     if kind is bool and str(value).lower() in ("true", "false"):
         return str(value).lower() == "true"
     if kind is str and isinstance(value, str):
+        check_path(where, value)
         return value
     if kind in (int, float) and not isinstance(value, bool):
         try:

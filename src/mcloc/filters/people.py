@@ -126,7 +126,9 @@ class EntropyFilter(_ScanFilter):
         sides = np.array([self.bin_length, self.bin_length, self.bin_angle])
         bins = np.floor(bel.states / sides[:, None]).astype(np.int64)
         _, bin_of = np.unique(bins, axis=1, return_inverse=True)
-        after = bel.weights[:, None] * self._model.density(readings, expected, range_max)
+        after = bel.weights[:, None] * self._model.density(
+            readings, expected, self._model.reach(range_max)
+        )
         after /= after.sum(axis=0)
         people: NDArray[np.bool_] = _entropy(after, bin_of) > _entropy(
             bel.weights[:, None], bin_of

@@ -25,7 +25,7 @@ from mcloc.io.bag_messages import (
     seconds,
     transform_matrix,
 )
-from mcloc.io.bag_mounts import ODOM, STATIC, Laser, base_frame, lasers
+from mcloc.io.bag_mounts import ODOM, STATIC, Laser, base_frame, laser_frames, lasers
 from mcloc.io.frames import frame_name, planar
 from mcloc.io.messages import Skipped
 from mcloc.registry import suggest
@@ -76,9 +76,21 @@ def bag_events(
     wanted = _wanted(topics or {})
     with open_bag(files) as bag:
         scans = _scans(bag, wanted.get("scan", []))
+        if not scans:
+            raise LogError(f"{bag.path}: holds no {LASER_SCAN}; its topics: {bag.listing()}")
         odometry = _odometry_topic(bag, wanted.get("odometry", []))
-        base = base_frame(bag, odometry)
-        return _BagEvents(files, lasers(bag, scans, base, mount), odometry, base)
+        frames = laser_frames(bag, scans)
+        base = base_frame(bag, odometry, frames.values())
+        return _BagEvents(files, lasers(bag, scans, frames, base, mount), odometry, base)
+
+
+def bag_odometry(files: BagFiles, topics: Topics | None) -> Callable[[Skipped], Iterator[Event]]:
+    """The same without the scans: where the lasers sit need not be known."""
+    wanted = _wanted(topics or {})
+    with open_bag(files) as bag:
+        odometry = _odometry_topic(bag, wanted.get("odometry", []))
+        frames = laser_frames(bag, _scans(bag, wanted.get("scan", [])))
+        return _BagEvents(files, {}, odometry, base_frame(bag, odometry, frames.values()))
 
 
 def _wanted(topics: Topics) -> dict[str, list[str]]:
@@ -94,8 +106,6 @@ def _wanted(topics: Topics) -> dict[str, list[str]]:
 
 def _scans(bag: Bag, wanted: Sequence[str]) -> list[str]:
     found = [bag.topic(name, LASER_SCAN) for name in wanted] or bag.of_type(LASER_SCAN)
-    if not found:
-        raise LogError(f"{bag.path}: holds no {LASER_SCAN}; its topics: {bag.listing()}")
     return list(dict.fromkeys(found))
 
 
@@ -108,6 +118,7 @@ def _odometry_topic(bag: Bag, wanted: Sequence[str]) -> str:
             f"its topics: {bag.listing()}"
         )
     if len(found) > 1:
+        found.sort(key=lambda topic: (topic.strip("/") != ODOM, len(topic)))  # the likely one first
         raise ConfigError(
             f"{bag.path}: odometry may come from {', '.join(found)}; choose with "
             f"--topic odometry={found[0]}"

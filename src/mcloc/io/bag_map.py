@@ -15,20 +15,29 @@ MOST_TILT = 1e-3  # rad; a floor plan lies flat
 
 
 def read_map(path: str | Path, topic: str) -> OccupancyGrid:
-    """The first map on a topic of a bag that has any cells.
+    """The last map on a topic of a bag that has free cells: SLAM publishes maps as they grow.
 
-    Raises LogError for what is no bag or cannot be read, ConfigError for a topic that is not there
-    or of another type, MapError where no message holds a map or the first one cannot be right.
+    One map at a time is held. Of a bag that is cut, what lies before the cut counts. Raises
+    LogError for what is no bag or cannot be read, ConfigError for a topic that is not there or of
+    another type, MapError for a map that cannot be right and where none has free cells.
     """
     files = find_bag(path)
     if files is None:
         raise LogError(f"{path}: not a ROS bag, so it has no topic {topic!r}")
     with open_bag(files) as bag:
         name = bag.topic(topic, GRID)
-        for _, message in bag.messages([name]):
-            if message.info.width and message.info.height:
-                return _grid(f"{path}, {name}", message)
-    raise MapError(f"{path}, {name}: no message holds a map with cells")
+        last = None
+        try:
+            for _, message in bag.messages([name]):
+                if message.info.width and message.info.height:
+                    grid = _grid(f"{path}, {name}", message)
+                    last = grid if grid.free.any() else last
+        except LogError:
+            if last is None:
+                raise
+    if last is None:
+        raise MapError(f"{path}, {name}: no message holds a map with free cells")
+    return last
 
 
 def _grid(name: str, message: Message) -> OccupancyGrid:

@@ -3,14 +3,14 @@
 The base is the frame whose pose the odometry tells.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mcloc.errors import ConfigError, LogError
 from mcloc.geometry import Pose
-from mcloc.io.bag import Bag
+from mcloc.io.bag import Bag, Message
 from mcloc.io.bag_messages import ODOMETRY, TF, edges, transform_matrix
 from mcloc.io.frames import Frames, Transform, frame_name, planar, tilt, upside_down
 
@@ -31,21 +31,30 @@ class Laser:
     upside_down: bool = False
 
 
-def base_frame(bag: Bag, odometry: str) -> str:
-    """The frame that moves with the robot, by the first message of the odometry topic that tells.
+def base_frame(bag: Bag, odometry: str, wanted: Collection[str]) -> str:
+    """The frame that moves with the robot, by the first message of the odometry topic that tells;
+    of transforms, the first one from odom that leads on to a wanted frame, if there is one.
 
-    Raises LogError where none does.
+    Raises LogError where no message tells.
     """
-    seen: set[str] = set()
-    for _, message in bag.messages([odometry]):
-        if bag.topics[odometry] == ODOMETRY:
-            return frame_name(message.child_frame_id)
-        for parent, child, _ in edges(message):
-            if parent == ODOM:
-                return child
-            seen |= {parent, child}
     if bag.topics[odometry] == ODOMETRY:
+        for _, message in bag.messages([odometry]):
+            return frame_name(message.child_frame_id)
         raise unreadable(bag, odometry)
+    rigid, moving, seen = Frames(), list[str](), set[str]()
+    for topic, parent, child, stamped in _transforms(bag):
+        if topic == odometry:
+            seen |= {parent, child}
+        if parent != ODOM:
+            news = rigid.add(parent, child, transform_matrix(stamped))
+        elif news := topic == odometry and child not in moving:
+            moving.append(child)
+        if news:
+            for base in moving:
+                if any(_found(rigid, base, frame) is not None for frame in wanted):
+                    return base
+    if moving:
+        return moving[0]
     raise LogError(
         f"{bag.path}: holds no odometry: no topic of type {ODOMETRY}, and on {odometry} no "
         f"transform from a frame {ODOM!r}; the frames there: {', '.join(sorted(seen)) or 'none'}"
@@ -60,13 +69,26 @@ def unreadable(bag: Bag, topic: str) -> LogError:
     )
 
 
-def lasers(bag: Bag, scans: Sequence[str], base: str, mount: Pose | None) -> dict[str, Laser]:
-    """The laser behind each scan topic. mount: (3,) of the only one, instead of what the bag says.
+def laser_frames(bag: Bag, scans: Sequence[str]) -> dict[str, str]:
+    """The frame of each scan topic, by its first scan; topics without a readable one are left."""
+    found: dict[str, str] = {}
+    for topic, scan in bag.messages(scans):
+        found.setdefault(topic, frame_name(scan.header.frame_id))
+        if len(found) == len(scans):
+            break
+    return found
+
+
+def lasers(
+    bag: Bag, scans: Sequence[str], frames: Mapping[str, str], base: str, mount: Pose | None
+) -> dict[str, Laser]:
+    """The laser behind each scan topic. frames: as `laser_frames` has them. mount: (3,) of the only
+    one, instead of what the bag says.
 
     Raises ConfigError for one laser on two topics and for a mount of several; LogError for a topic
     without a readable scan, and for a laser that stands nowhere or aslant.
     """
-    frames = _frames_of(bag, scans)
+    _check_distinct(bag, scans, frames)
     if mount is not None:
         if len(scans) > 1:
             raise ConfigError(
@@ -75,18 +97,21 @@ def lasers(bag: Bag, scans: Sequence[str], base: str, mount: Pose | None) -> dic
             )
         return {scans[0]: Laser(frames[scans[0]], mount)}
     known = _known(bag, base, set(frames.values()))
-    return {
-        topic: _laser(bag, topic, frame, base, _found(known, base, frame))
-        for topic, frame in frames.items()
-    }
+    found = {}
+    for topic in scans:
+        matrix = _found(known, base, frames[topic])
+        if matrix is None:
+            others = [f"--topic scan={other}" for other in scans if other != topic]
+            remedy = f"leave it out with {' '.join(others)}" if others else REMEDY
+            raise LogError(
+                f"{bag.path}: no usable transform leads from the robot's frame {base!r} to the "
+                f"frame {frames[topic]!r} of {topic}; {remedy}"
+            )
+        found[topic] = _laser(bag, topic, frames[topic], matrix)
+    return found
 
 
-def _frames_of(bag: Bag, scans: Sequence[str]) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for topic, scan in bag.messages(scans):
-        found.setdefault(topic, frame_name(scan.header.frame_id))
-        if len(found) == len(scans):
-            break
+def _check_distinct(bag: Bag, scans: Sequence[str], found: Mapping[str, str]) -> None:
     for topic in scans:
         if topic not in found:
             raise unreadable(bag, topic)
@@ -98,32 +123,35 @@ def _frames_of(bag: Bag, scans: Sequence[str]) -> dict[str, str]:
                 f"{bag.path}: {other} and {topic} are scans of one laser (frame "
                 f"{found[topic]!r}); choose with --topic scan={other}"
             )
-    return found
 
 
 def _known(bag: Bag, base: str, wanted: set[str]) -> Frames:
-    """The transforms that join the wanted frames to the base, as far as the bag has them: from
-    /tf_static, and else from /tf, since some robots publish fixed mounts there.
+    """The transforms that join the wanted frames to the base, as far as the bag has them. None from
+    odom: what hangs there moves.
     """
     frames = Frames()
-    topics = bag.of_type(*TF)
-    static = [topic for topic in topics if topic.endswith(STATIC)]
-    moving = [topic for topic in topics if topic not in static]
 
     def joined() -> bool:
         return all(_found(frames, base, frame) is not None for frame in wanted)
 
-    for group in (static, moving):
-        if joined():
+    if joined():
+        return frames
+    for _, parent, child, stamped in _transforms(bag):
+        if parent != ODOM and frames.add(parent, child, transform_matrix(stamped)) and joined():
             break
-        for _, message in bag.messages(group):
-            news = [
-                frames.add(parent, child, transform_matrix(stamped))
-                for parent, child, stamped in edges(message)
-            ]
-            if any(news) and joined():
-                break
     return frames
+
+
+def _transforms(bag: Bag) -> Iterator[tuple[str, str, str, Message]]:
+    """Topic, parent frame, child frame and TransformStamped: from /tf_static, and then from /tf,
+    since some robots publish fixed mounts there.
+    """
+    topics = bag.of_type(*TF)
+    static = [topic for topic in topics if topic.endswith(STATIC)]
+    for group in (static, [topic for topic in topics if topic not in static]):
+        for topic, message in bag.messages(group):
+            for edge in edges(message):
+                yield topic, *edge
 
 
 def _found(frames: Frames, base: str, frame: str) -> Transform | None:
@@ -131,12 +159,7 @@ def _found(frames: Frames, base: str, frame: str) -> Transform | None:
     return frames.find(base, frame) if base and frame else None
 
 
-def _laser(bag: Bag, topic: str, frame: str, base: str, matrix: Transform | None) -> Laser:
-    if matrix is None:
-        raise LogError(
-            f"{bag.path}: no usable transform leads from the robot's frame {base!r} to the frame "
-            f"{frame!r} of {topic}; {REMEDY}"
-        )
+def _laser(bag: Bag, topic: str, frame: str, matrix: Transform) -> Laser:
     if tilt(matrix) > MOST_TILT:
         raise LogError(
             f"{bag.path}: the laser of {topic} (frame {frame!r}) is tilted by "

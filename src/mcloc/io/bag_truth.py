@@ -17,7 +17,8 @@ from mcloc.io.bag_messages import (
     seconds,
     transform_matrix,
 )
-from mcloc.io.frames import Transform, planar
+from mcloc.io.bag_mounts import ODOM
+from mcloc.io.frames import Transform, frame_name, planar
 from mcloc.io.tum import FAR
 from mcloc.trajectory import Trajectory
 
@@ -36,7 +37,8 @@ def read_truth(path: str | Path, topic: str) -> Trajectory:
     Messages without a stamp are left out. As in `read_trajectory`, poses out of order are sorted
     and of several with one stamp the first counts. Raises LogError for what is no bag or cannot be
     read, ConfigError for a topic that is not there or of another type, TruthError where no message
-    has a stamp and for a pose that is not finite or absurdly far off.
+    has a stamp, for poses in a frame called odom and for one that is not finite or absurdly far
+    off.
     """
     files = find_bag(path)
     if files is None:
@@ -46,6 +48,12 @@ def read_truth(path: str | Path, topic: str) -> Trajectory:
         name = bag.topic(topic, *TYPES)
         matrix = TYPES[bag.topics[name]]
         for _, message in bag.messages([name]):
+            frame = frame_name(message.header.frame_id)
+            if frame.rpartition("/")[2] == ODOM:
+                raise TruthError(
+                    f"{path}, {name}: is in the frame {frame!r}, not the map's; if its poses are "
+                    "on the map all the same, as those of Stage are, give them as a CSV file"
+                )
             t = seconds(message)
             if t is not None:
                 rows.append([t, *planar(matrix(message))])

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mcloc.density import FAR
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Event, Log, Odometry, Scan
 from mcloc.geometry import Pose
 from mcloc.io.bag_files import find_bag
-from mcloc.io.bag_log import Topics, bag_events
+from mcloc.io.bag_log import Topics, bag_events, bag_odometry
 from mcloc.io.carmen import CARMEN
 from mcloc.io.messages import Format, Skipped
 from mcloc.io.wean import WEAN
@@ -37,13 +38,31 @@ def read_log(path: str | Path, mount: ArrayLike | None = None, topics: Topics | 
     at = _checked(mount)
     if (bag := find_bag(path)) is not None:
         return _FileLog(str(path), bag_events(bag, at, topics))
+    text, kind = _text_log(path, topics)
+    return _FileLog(text.path, partial(_text_events, text, kind, at))
+
+
+def read_odometry(path: str | Path, topics: Topics | None = None) -> Iterator[Event]:
+    """What tells the odometry of such a log, once: of a bag without the scans, of text all events.
+
+    Where the lasers sit need not be known, and is not checked. Raises as `read_log`.
+    """
+    if (bag := find_bag(path)) is not None:
+        events = bag_odometry(bag, topics)
+    else:
+        text, kind = _text_log(path, topics)
+        events = partial(kind.events, text)
+    return (event for event in events(Counter()) if _unusable(event) is None)
+
+
+def _text_log(path: str | Path, topics: Topics | None) -> tuple[TextFile, Format]:
     text = TextFile(str(path), LogError)
     lines = [line.split() for line in text.head()]
     for candidate in FORMATS:
         if any(candidate.recognizes(words) for words in lines if words):
             if topics:
                 raise ConfigError(f"{path}: topics are of ROS bags; this is {candidate.name}")
-            return _FileLog(text.path, partial(_text_events, text, candidate, at))
+            return text, candidate
     known = ", ".join(known.name for known in FORMATS)
     raise LogError(f"{path}: not a log that can be read; known formats: {known}, ROS bags")
 
@@ -52,8 +71,9 @@ def read_log(path: str | Path, mount: ArrayLike | None = None, topics: Topics | 
 class _FileLog:
     """A Log that reads its file anew each time; see mcloc.events.Log.
 
-    Events with a stamp, odometry or mount that is not finite, and scans without beams, are skipped
-    and counted. Raises LogError at the end where no scan had a single return.
+    Events with a stamp, odometry or mount that is not finite, or odometry beyond FAR, and scans
+    without beams, are skipped and counted. Raises LogError at the end where no scan had a single
+    return.
     """
 
     path: str
@@ -80,10 +100,14 @@ class _FileLog:
 def _unusable(event: Event) -> str | None:
     if not np.isfinite(event.t):
         return "stamp not finite"
+    odometry = event.pose if isinstance(event, Odometry) else event.odometry
+    if odometry is not None:
+        if not np.isfinite(odometry).all():
+            return "odometry not finite"
+        if np.abs(odometry[:2]).max() >= FAR:
+            return f"odometry beyond {FAR:g} m"
     if isinstance(event, Odometry):
-        return None if np.isfinite(event.pose).all() else "odometry not finite"
-    if event.odometry is not None and not np.isfinite(event.odometry).all():
-        return "odometry not finite"
+        return None
     if len(event.ranges) == 0:
         return "scan without beams"
     return None if np.isfinite(event.mount).all() else "mount not finite"
@@ -94,9 +118,16 @@ def _text_events(
 ) -> Iterator[Event]:
     """What a text log says, with the given mount or with those that it says itself."""
     mounts: list[Pose] = []
+    mounted: str | None = None
     for event in kind.events(text, skipped):
         if isinstance(event, Scan):
             if mount is not None:
+                mounted = mounted or event.source
+                if event.source != mounted:
+                    raise ConfigError(
+                        f"{text.path}: the mount is for one laser, there are several: {mounted}, "
+                        f"{event.source}; leave it out, or the scans of all but one"
+                    )
                 event = replace(event, mount=mount)
             elif _unusable(event) is None:
                 _keep(text.path, mounts, event.mount)

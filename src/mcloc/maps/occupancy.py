@@ -16,6 +16,7 @@ FREE = 0
 OCCUPIED = 100
 
 LEAST_CELL, LARGEST_CELL = 1e-3, 100.0  # m; beyond, a unit is wrong
+FARTHEST = 1e7  # m; no northing of UTM is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,10 @@ class OccupancyGrid:
             )
         if origin.shape != (3,) or not np.isfinite(origin).all():
             raise MapError(f"{self.name}: origin must be [x, y, yaw], got {self.origin}")
+        if not (np.abs(origin[:2]) < FARTHEST).all():
+            raise MapError(
+                f"{self.name}: origin must be less than {FARTHEST:g} m away, got {origin.tolist()}"
+            )
         if not 0.0 <= self.free_thresh < self.occupied_thresh <= 1.0:
             raise MapError(
                 f"{self.name}: thresholds must satisfy 0 ≤ free_thresh < occupied_thresh ≤ 1, "

@@ -1,12 +1,14 @@
 """A run as files in a folder. Each appears whole or not at all."""
 
+import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mcloc.config import RunConfig
+from mcloc.config.run_config import check_path
 from mcloc.errors import ConfigError, TruthError
 from mcloc.io.tum import write_tum
 from mcloc.report.picture import draw
@@ -16,14 +18,31 @@ from mcloc.sample_size import sizes_csv
 from mcloc.storage import replacing
 
 SIZES = "sizes.csv"
+WRITTEN = (
+    *("estimates.csv", "timing.csv", "summary.json", "config.yaml", "trajectory.tum"),
+    *("run.png", "run.gif", "recording", SIZES),
+)
+"""What a run replaces in its folder."""
 
 
-def check_folder(folder: Path) -> None:
-    """Make the folder, and make sure that files can be put there. Raises ConfigError."""
+def check_folder(folder: Path, inputs: Iterable[str | None] = ()) -> None:
+    """Make the folder, and make sure that files can be put there.
+
+    inputs: paths that a run reads, None for none. Raises ConfigError, also where the run's files
+    would take the place of an input.
+    """
+    check_path("--out", str(folder))
+    written = {Path(os.path.realpath(folder), name) for name in WRITTEN}
+    for path in filter(None, inputs):
+        real = Path(os.path.realpath(path))
+        if not written.isdisjoint((real, *real.parents)):
+            raise ConfigError(f"--out {folder}: {path} would be replaced; give another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+    except FileExistsError as cause:
+        raise ConfigError(f"--out {folder}: is a file; give a folder") from cause
     except OSError as cause:
         raise ConfigError(f"--out {folder}: no folder to write to ({cause.strerror})") from cause
 
@@ -31,8 +50,9 @@ def check_folder(folder: Path) -> None:
 def write_run(run: Run, folder: Path, plot: bool = True) -> dict[str, Any]:
     """Write all files of a run with at least one estimate; the summary.
 
-    Without `plot` an earlier run's picture is removed. Raises ConfigError where a file cannot be
-    written; TruthError, once everything is written, where the truth says nothing about the run.
+    Pictures of an earlier run that are not drawn anew are removed. Raises ConfigError where a file
+    cannot be written; TruthError, once everything is written, where the truth says nothing about
+    the run.
     """
     accuracy, useless = None, None
     try:
@@ -47,6 +67,7 @@ def write_run(run: Run, folder: Path, plot: bool = True) -> dict[str, Any]:
     with replacing(folder / "trajectory.tum") as path:
         write_tum(run.history.trajectory, path)
     _write_config(run, folder)
+    (folder / "run.gif").unlink(missing_ok=True)
     if plot:
         with replacing(folder / "run.png") as path:
             draw(run, path)
@@ -65,7 +86,7 @@ def _write_config(run: Run, folder: Path) -> None:
             path.write_text(sizes_csv(run.history.sizes.table), encoding="utf-8")
         settings = {**config.settings, "size": {"file": str(folder / SIZES)}}
         config = replace(config, size="recorded", settings=settings)
-    else:
+    elif config.size != "recorded":  # whose sizes may be those
         (folder / SIZES).unlink(missing_ok=True)
     with replacing(folder / "config.yaml") as path:
         path.write_text(config.to_yaml(), encoding="utf-8")

@@ -17,6 +17,7 @@ from mcloc.sensors.beams import ScanModel
 from mcloc.statespace import LogWeights, States
 
 KNOTS_PER_SIGMA = 4.0
+FARTHEST = 1e4  # m; no laser reaches there: a larger range_max states no limit
 LEAST = 1e-300  # density; below, logarithms would be −∞ at one knot and interpolate to NaN
 
 
@@ -29,7 +30,8 @@ class BeamModel(ScanModel, ABC):
     errors of the sensor and say nothing. Where a beam leaves known space before it meets a wall,
     there is no expected range, and the reading is anything in reach with 1 − p_max_unknown, or no
     return with p_max_unknown. Cells within σ_hit in front of a wall that the map leaves undecided
-    count as the blurred face of the wall.
+    count as the blurred face of the wall. Where range_max is inf, or more than any laser has, the
+    reach is the map's diagonal.
 
     A beam's p is relative to that of the expected range which explains the reading best, so log
     p ≤ 0 and a perfect scan has 0; this factor does not depend on x. Of each scan a table of log p
@@ -65,12 +67,16 @@ class BeamModel(ScanModel, ABC):
         unknown = (1.0 - p) * uniform(reading, range_max) + p * no_return(reading, range_max)
         return np.where(np.isnan(e), unknown, known)
 
+    def reach(self, range_max: float) -> float:
+        """Metres: a scan's range_max, or where that states no limit, the map's diagonal."""
+        return range_max if range_max <= FARTHEST else self._rays.farthest(range_max)
+
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
-        beams = self.used_beams(z)
-        beams = beams[z.returned[beams] | (z.ranges[beams] >= z.range_max)]
-        table = self._log_table(z.ranges[beams], z.range_max)
-        total = self._rays.sum(x, z.mount, z.angles[beams], z.range_max, table, self._spacing)
+        beams, reach = self.used_beams(z), self.reach(z.range_max)
+        beams = beams[z.returned[beams] | (z.ranges[beams] >= reach)]
+        table = self._log_table(z.ranges[beams], reach)
+        total = self._rays.sum(x, z.mount, z.angles[beams], reach, table, self._spacing)
         return total * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:

@@ -84,12 +84,12 @@ def pose(x, y, q):
     return {"position": vector(x, y, 0.0), "orientation": vector(*q)}
 
 
-def odometry(t, x=0.0, y=0.0, theta=0.0, topic="/odom", child="base", q=None):
+def odometry(t, x=0.0, y=0.0, theta=0.0, topic="/odom", frame="odom", child="base", q=None):
     zero = vector(0, 0, 0)
     twist = {"twist": {"linear": zero, "angular": zero}, "covariance": np.zeros(36)}
     at = pose(x, y, yaw(theta) if q is None else q)
     values = {
-        "header": header(t, "odom"),
+        "header": header(t, frame),
         "child_frame_id": child,
         "pose": {"pose": at, "covariance": np.zeros(36)},
         "twist": twist,

@@ -5,7 +5,7 @@ import pytest
 
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Odometry, Scan
-from mcloc.io.log import read_log
+from mcloc.io.log import read_log, read_odometry
 
 
 @pytest.fixture
@@ -79,8 +79,15 @@ def test_topics_may_be_chosen_with_or_without_their_slash(write, choice):
 
 
 def test_several_odometries_are_a_choice(read, choice):
-    with pytest.raises(ConfigError, match=r"/fused, /odom; .* --topic odometry=/fused"):
+    with pytest.raises(ConfigError, match=r"/odom, /fused; .* --topic odometry=/odom$"):
         read(choice, topics={"scan": "/rear"})
+
+
+def test_of_odometries_with_other_names_the_shortest_is_proposed(read, ros):
+    names = ("/robot/gt_odom", "/robot/odom", "/robot/odom_filtered")
+    script = [ros.odometry(ros.STAMP + 1, topic=name) for name in names]
+    with pytest.raises(ConfigError, match=r"odometry=/robot/odom$"):
+        read([*script, ros.scan(ros.STAMP + 1, "base")])
 
 
 @pytest.mark.parametrize(
@@ -129,6 +136,25 @@ def test_without_an_odometry_topic_tf_tells_it(write, ros, kind, topics):
     assert scan.mount == pytest.approx([0.2, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_robot_is_the_frame_that_leads_to_a_laser(write, ros, order):
+    """Goals and charging stations hang on odom, too, in the same message or before the robot."""
+    t = ros.STAMP + 1
+    moving = [
+        ros.transform(t, "odom", "goal", (9, 9, 0)),
+        ros.transform(t, "odom", "base", (1, 2, 0), ros.yaw(0.5)),
+    ][::order]
+    mount = ros.transform(t, "base", "laser", (0.2, 0, 0))
+    for name, script in {
+        "static": [ros.tf(*moving), ros.tf_static(mount)],
+        "one": [ros.tf(*moving, mount)],
+        "each": [ros.tf(moving[0]), ros.tf(moving[1]), ros.tf(mount)],
+    }.items():
+        odometry, scan = read_log(write([*script, ros.scan(t)], name=name))
+        assert odometry.pose == pytest.approx([1.0, 2.0, 0.5])
+        assert scan.mount == pytest.approx([0.2, 0.0, 0.0])
+
+
 def test_the_old_tf_of_ros_1_is_tf_too(write, ros):
     t = ros.STAMP
     tf = ros.tf(ros.transform(t, "/odom", "/base"), ros.transform(t, "/base", "/laser", (1, 0, 0)))
@@ -144,6 +170,22 @@ def test_a_bag_whose_tf_has_no_odom_frame(read, ros):
         LogError, match="from a frame 'odom'; the frames there: base, odom_combined"
     ):
         read(script)
+
+
+def test_odometry_alone_needs_no_laser(write, ros):
+    t = ros.STAMP + 1.0
+    moving = {"goal": (7, 7, 0), "base": (9, 9, 0)}
+    tf = [ros.tf(ros.transform(t, "odom", name, at)) for name, at in moving.items()]
+    mount = ros.tf_static(ros.transform(0, "base", "front"))
+    lasers = [ros.scan(t, name, topic=f"/{name}") for name in ("front", "rear")]
+    path = write([*tf, mount, ros.odometry(t, 1.0), ros.odometry(t, np.nan), *lasers])
+    assert [event.pose[0] for event in read_odometry(path)] == [1.0]
+    for topics in ({"odometry": "/tf"}, {"odometry": "tf", "scan": "front"}):
+        assert [event.pose[0] for event in read_odometry(path, topics)] == [9.0]
+    (event,) = read_odometry(write([ros.odometry(t, 2.0)], name="blind"))
+    assert event.pose[0] == 2.0
+    with pytest.raises(ConfigError, match="no topic '/odo'"):
+        read_odometry(path, {"odometry": "/odo"})
 
 
 def test_a_bag_without_odometry(read, ros):
@@ -196,6 +238,14 @@ def test_what_cannot_be_used_is_skipped_and_counted(read, ros):
         "damaged message on /scan": 1,
         "damaged message on /odom": 1,
     }
+
+
+def test_odometry_beyond_any_map_is_skipped(read, ros):
+    t = ros.STAMP + 1.0
+    far = [ros.odometry(t + k, *at) for k, at in enumerate([(1e300, 0), (0, -1e6), (999_999, 0)])]
+    events, skipped = read([*far, ros.scan(t, "base")])
+    assert [event.pose[0] for event in events if isinstance(event, Odometry)] == [999_999.0]
+    assert skipped == {"odometry beyond 1e+06 m": 2}
 
 
 def test_readings_stay_as_they_are(read, ros):

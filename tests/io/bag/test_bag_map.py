@@ -1,5 +1,7 @@
 """Maps on a topic."""
 
+import sqlite3
+
 import numpy as np
 import pytest
 
@@ -46,11 +48,29 @@ def test_a_cell_lies_where_ros_says(write, ros, grid):
     assert found.state_at((10.0 - 1.5, 20.0 + 1.5, 0.0)) == "free"
 
 
-def test_the_first_map_with_cells_counts(write, grid):
+def test_the_last_map_with_free_cells_counts(write, grid):
     none = np.zeros((0, 0), dtype=np.int8)
-    later = np.full((2, 3), 100, dtype=np.int8)
-    found = read_map(write([grid(none), grid(), grid(later)]), "/map")
+    first = np.array([[0, -1]], dtype=np.int8)
+    walls = np.full((2, 3), 100, dtype=np.int8)
+    found = read_map(write([grid(none), grid(first), grid(), grid(walls), grid(none)]), "/map")
     np.testing.assert_array_equal(found.cells, CELLS)
+    with pytest.raises(MapError, match="no message holds a map with free cells"):
+        read_map(write([grid(walls), grid(np.full((2, 3), 50, dtype=np.int8))], name="b"), "/map")
+
+
+def test_of_a_damaged_bag_the_last_map_before_the_damage_counts(write, grid):
+    maps = [np.full((300, 300), k, dtype=np.int8) for k in range(6)]
+    path = write([grid(cells) for cells in maps], "sqlite messages")
+    (file,) = path.glob("*.db3")
+    with sqlite3.connect(file) as bag:
+        bag.execute("UPDATE messages SET data = x'00' WHERE id = 4")
+    bag.close()
+    np.testing.assert_array_equal(read_map(path, "/map").cells, maps[2])
+    with sqlite3.connect(file) as bag:
+        bag.execute("UPDATE messages SET data = x'00'")
+    bag.close()
+    with pytest.raises(LogError, match="cannot be read"):
+        read_map(path, "/map")
 
 
 @pytest.mark.parametrize(

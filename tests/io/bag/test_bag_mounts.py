@@ -130,6 +130,33 @@ def test_a_laser_that_stands_nowhere_needs_a_mount(read, ros, transforms):
         read(*script)
 
 
+def test_no_mount_is_taken_through_what_moves(write, ros):
+    """An odometry that calls its own frame the robot, of a bag that begins in the midst of a
+    drive.
+    """
+    t = ros.STAMP + 1
+    script = [
+        ros.tf_static(ros.transform(0, "base", "laser", (0.2, 0, 0))),
+        ros.tf(ros.transform(t, "odom", "base", (5, 5, 0))),
+        ros.odometry(t, child="odom"),
+        ros.scan(t),
+    ]
+    with pytest.raises(LogError, match=r"'odom' to the frame 'laser' of /scan; .*--mount X,Y,"):
+        read_log(write(script))
+
+
+def test_of_several_lasers_the_one_that_stands_nowhere_may_be_left_out(write, ros):
+    t = ros.STAMP + 1
+    names = ("front", "left", "rear")
+    mounts = [ros.transform(0, "base", name) for name in names if name != "left"]
+    scans = [ros.scan(t, name, topic=f"/{name}") for name in names]
+    path = write([ros.tf_static(*mounts), ros.odometry(t), *scans])
+    remedy = r"of /left; leave it out with --topic scan=/front --topic scan=/rear$"
+    with pytest.raises(LogError, match=remedy):
+        read_log(path)
+    assert len(list(read_log(path, topics={"scan": ["/front", "/rear"]}))) == 3
+
+
 def test_frames_without_a_name_are_not_one_frame(write, ros):
     script = [ros.odometry(ros.STAMP, child=""), ros.scan(ros.STAMP, "")]
     with pytest.raises(LogError, match="--mount"):

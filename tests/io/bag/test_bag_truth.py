@@ -11,20 +11,20 @@ from mcloc.io.bag_truth import read_truth
 def reference(ros):
     """reference(type, (t, x), …) → script."""
 
-    def reference(kind, *poses):
+    def reference(kind, *poses, frame="map"):
         script = []
         for t, x in poses:
-            header, pose = ros.header(t, "map"), ros.pose(x, 2.0, ros.yaw(0.5))
+            header, pose = ros.header(t, frame), ros.pose(x, 2.0, ros.yaw(0.5))
             fields = {
                 "PoseStamped": {"header": header, "pose": pose},
                 "PoseWithCovarianceStamped": {
                     "header": header,
                     "pose": {"pose": pose, "covariance": np.zeros(36)},
                 },
-                "TransformStamped": ros.transform(t, "map", "base", (x, 2.0, 0), ros.yaw(0.5)),
+                "TransformStamped": ros.transform(t, frame, "base", (x, 2.0, 0), ros.yaw(0.5)),
             }
             if kind == "Odometry":
-                script.append(ros.odometry(t, x, 2.0, 0.5, topic="/truth"))
+                script.append(ros.odometry(t, x, 2.0, 0.5, "/truth", frame))
             else:
                 script.append(("/truth", f"geometry_msgs/msg/{kind}", fields[kind]))
         return script
@@ -53,6 +53,16 @@ def test_stamps_increase_as_in_a_trajectory_from_a_file(write, reference):
 def test_a_pose_that_cannot_be_right(write, reference, x):
     with pytest.raises(TruthError, match=r"drive, /truth: the pose at 2\.0+ s"):
         read_truth(write(reference("PoseStamped", (1.0, 5.0), (2.0, x))), "/truth")
+
+
+@pytest.mark.parametrize("frame", ["odom", "/odom", "robot_1/odom"])
+@pytest.mark.parametrize("message", ["PoseStamped", "Odometry", "TransformStamped"])
+def test_poses_in_the_odometrys_frame_are_no_reference(write, reference, message, frame):
+    path = write(reference(message, (1.0, 5.0), frame=frame))
+    with pytest.raises(
+        TruthError, match=r"/truth: is in the frame '(robot_1/)?odom', not the map's"
+    ):
+        read_truth(path, "/truth")
 
 
 def test_what_holds_no_reference(write, ros, reference, tmp_path):
