@@ -5,6 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
+from mcloc.density import FAR
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Scan
 from mcloc.io.log import read_log, read_odometry
@@ -85,9 +86,9 @@ def test_a_given_mount_is_of_one_laser(write):
 
 def test_odometry_beyond_any_map_is_skipped(write):
     wheels = "ODOM -1e300 0 0 0 0 0 1.0 host 1.0\nODOM 3 4 0 0 0 0 1.0 host 1.0\n"
-    log = read_log(write(wheels + flaser(x=1e6) + flaser()))
+    log = read_log(write(wheels + flaser(x=FAR) + flaser()))
     assert len(list(log)) == 2
-    assert log.skipped == {"odometry beyond 1e+06 m": 2}
+    assert log.skipped == {"odometry beyond 1e+07 m": 2}
 
 
 def test_odometry_alone_needs_no_mount(write):

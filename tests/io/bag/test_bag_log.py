@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mcloc.density import FAR
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Odometry, Scan
 from mcloc.io.log import read_log, read_odometry
@@ -242,10 +243,12 @@ def test_what_cannot_be_used_is_skipped_and_counted(read, ros):
 
 def test_odometry_beyond_any_map_is_skipped(read, ros):
     t = ros.STAMP + 1.0
-    far = [ros.odometry(t + k, *at) for k, at in enumerate([(1e300, 0), (0, -1e6), (999_999, 0)])]
+    far = [
+        ros.odometry(t + k, *at) for k, at in enumerate([(1e300, 0), (0, -FAR), (0.99 * FAR, 0)])
+    ]
     events, skipped = read([*far, ros.scan(t, "base")])
-    assert [event.pose[0] for event in events if isinstance(event, Odometry)] == [999_999.0]
-    assert skipped == {"odometry beyond 1e+06 m": 2}
+    assert [event.pose[0] for event in events if isinstance(event, Odometry)] == [0.99 * FAR]
+    assert skipped == {"odometry beyond 1e+07 m": 2}
 
 
 def test_readings_stay_as_they_are(read, ros):
