@@ -11,15 +11,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mcloc.density import FAR, Gaussian
+from mcloc.density import FAR
 from mcloc.draws import Draws
-from mcloc.errors import ConfigError
 from mcloc.estimate import Hypothesis, hypotheses
 from mcloc.events import Event, Odometry, Scan
 from mcloc.filters.catalog import Composition
 from mcloc.filters.particle_filter import Belief
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
+from mcloc.localizer.given_pose import covariance_of, given_pose
 from mcloc.localizer.leap_guard import LeapGuard
 from mcloc.localizer.odometry_buffer import OdometryBuffer
 from mcloc.localizer.policy import UpdatePolicy
@@ -217,27 +217,6 @@ class Localizer:
         took = time.perf_counter() - began
         self.step += 1
         return Update(self.step - 1, info, particles, found, explained, took)
-
-
-def covariance_of(sigma: ArrayLike) -> NDArray[np.float64]:
-    """(3, 3): the covariance of independent deviations. Raises ConfigError unless they are > 0."""
-    deviation = np.asarray(sigma, dtype=np.float64)
-    if deviation.shape != (3,) or not ((deviation > 0) & (deviation < 1e6)).all():
-        raise ConfigError(f"the initial sigma must be three numbers > 0 (m, m, rad), got {sigma!r}")
-    return np.diag(deviation**2)
-
-
-def given_pose(grid: OccupancyGrid, name: str, pose: ArrayLike, covariance: ArrayLike) -> Gaussian:
-    """The belief of somebody who was told a pose. Raises ConfigError where a robot cannot stand."""
-    density = Gaussian.told(name, pose, covariance)
-    x, y, _ = density.mean
-    place = grid.state_at(density.mean)
-    if place in ("outside", "occupied"):
-        where = "outside the map" if place == "outside" else "inside a wall"
-        raise ConfigError(
-            f"the {name} ({x:g}, {y:g}) m is {where} {grid.name}, which covers {grid.extent()}"
-        )
-    return density
 
 
 def _broken(scan: Scan) -> str:
