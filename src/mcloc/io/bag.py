@@ -15,6 +15,7 @@ from typing import Any
 from mcloc.errors import ConfigError, LogError
 from mcloc.io.bag_files import ROS1, BagFiles
 from mcloc.io.messages import Skipped
+from mcloc.io.ros_messages import typestore
 
 Message = Any  # rosbags makes its classes from the definitions of the messages
 
@@ -141,7 +142,7 @@ def _typestore(ros1: bool) -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     if not ros1:
-        return get_typestore(Stores.ROS2_HUMBLE)
+        return typestore()
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg(*TF1))  # which rosbags leaves out
     return store

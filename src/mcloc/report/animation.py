@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.geometry import Pose, compose
+from mcloc.io.recording import thinned
 from mcloc.localizer import Estimate
 from mcloc.maps.occupancy import OccupancyGrid
-from mcloc.particles import Particles
 from mcloc.report.picture import (
     BELIEVED,
     LOST,
@@ -72,18 +72,9 @@ class Snapshots:
                 self.kept = self.kept[::2]
                 self._every *= 2
             particles = estimate.update.particles
-            self.kept.append(
-                Snapshot(estimate.t, estimate.pose, _thinned(particles), len(particles))
-            )
+            dots = thinned(particles, DOTS)[:, :2].T.astype(np.float32)
+            self.kept.append(Snapshot(estimate.t, estimate.pose, dots, len(particles)))
         self._seen += 1
-
-
-def _thinned(particles: Particles) -> NDArray[np.float32]:
-    """(2, ≤ 500): where equal parts of the belief are."""
-    n = min(DOTS, len(particles))
-    at = np.searchsorted(np.cumsum(particles.weights), (np.arange(n) + 0.5) / n)
-    dots: NDArray[np.float32] = particles.states[:2, at].astype(np.float32)
-    return dots
 
 
 def animate(run: Run, snapshots: Snapshots, path: Path) -> None:
