@@ -22,6 +22,7 @@ class Stream(IntEnum):
     MOTION = 1
     CHOICE = 2
     RANDOM_POSE = 3
+    TREE = 4
 
 
 @dataclass(frozen=True, slots=True)

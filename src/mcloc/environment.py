@@ -2,6 +2,7 @@
 headings.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,10 +37,11 @@ class FreeSpace(Configurable):
             raise MapError(
                 f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
+        self._log_prior  # noqa: B018 - ready before threads ask for it
 
     @cached_property
-    def _cells(self) -> NDArray[np.intp]:
-        return np.flatnonzero(self.grid.free)
+    def _cells(self) -> NDArray[np.int32]:
+        return np.flatnonzero(self.grid.free).astype(np.int32)
 
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(3, n): poses of the particles first … first + n − 1, map frame."""
@@ -65,13 +67,15 @@ class FreeSpace(Configurable):
 
     def log_prior(self, x: States) -> LogWeights:
         """(n,): log p(x | m)."""
-        return self._table.sum(x, np.zeros((1, 2)))
+        return self._log_prior(x)
 
     @cached_property
-    def _table(self) -> CellTable:
-        not_free = np.where(self.grid.unknown, self.p_unknown, self.p_occupied)
-        values = np.log(np.where(self.grid.free, 1.0, not_free))
-        return CellTable(self.grid, np.pad(values, 1, constant_values=np.log(self.p_unknown)))
+    def _log_prior(self) -> Callable[[States], LogWeights]:
+        values = np.log([1.0, self.p_unknown, self.p_occupied])
+        which = np.where(self.grid.unknown, np.uint8(1), np.uint8(2))
+        which[self.grid.free] = 0
+        table = CellTable.chosen(self.grid, values, np.pad(which, 1, constant_values=1))
+        return table.summed(np.zeros((1, 2)))
 
 
 ENVIRONMENTS: Registry[Environment] = Registry("environment", {"free-space": FreeSpace})

@@ -11,7 +11,6 @@ from mcloc.kernels.moves import (
     odometry_moves,
     omnidirectional_moves,
     undo_moves,
-    wrapped,
 )
 
 FIRST, SECOND, THIRD = 0.3, 0.8, -0.5
@@ -22,7 +21,7 @@ def drawn_moves(kernel, numbers=(FIRST, SECOND, THIRD, *SD), reverse_below=-np.i
     """(3, 60) moves, and the (4, 60) normals that they are made of."""
     out = np.empty((3, 60))
     counter = (11, int(Stream.MOTION), 4, 1, np.uint64(8))
-    kernel(out, *numbers, reverse_below, counter, 0, 60)
+    kernel(out, *numbers, reverse_below, counter, 60)
     return out, Draws(8, 4, 1).normal(Stream.MOTION, 11, 60)
 
 
@@ -86,10 +85,3 @@ def test_applied_and_undone_moves_are_those_of_se2():
     turns = moves.T.copy()
     turns[:, 2] = np.arctan2(np.sin(moves[2]), np.cos(moves[2]))
     assert between(old.T, x.T) == pytest.approx(turns)
-
-
-@pytest.mark.parametrize("angle", [-7.0, -np.pi, -3.0, 0.0, 3.0, np.pi, 50.0])
-def test_wrapped_angles_lie_in_the_half_open_circle(angle):
-    result = wrapped(angle)
-    assert -np.pi < result <= np.pi
-    assert np.exp(1j * result) == pytest.approx(np.exp(1j * angle))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mcloc.geometry import compose
 from mcloc.kernels import jit
+from mcloc.kernels.cones import LARGEST_LEAP, WALL
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.simulation import office_world
@@ -113,10 +114,10 @@ def test_leaps_change_nothing():
     rng = np.random.default_rng(5)
     x = rng.uniform([0.0, 0.0, -np.pi], [20.0, 15.0, np.pi], (300, 3)).T.copy()
     leaping, stepping = RayCaster(world), RayCaster(world)
-    ones = np.where(leaping._clear % 255 > 0, 1, leaping._clear).astype(np.uint8)
-    object.__setattr__(stepping, "_clear", ones)
-    assert leaping._clear.max() == 255
-    assert np.unique(leaping._clear).size > 10
+    leaps = leaping._leaps
+    ones = np.where((leaps > WALL) & (leaps <= LARGEST_LEAP), 1, leaps).astype(np.uint8)
+    object.__setattr__(stepping, "_leaps", ones)
+    assert np.unique(leaps).size > 100
     angles = np.linspace(-np.pi, np.pi, 37)
     a, b = (c.ranges(x, np.zeros(3), angles, 30.0) for c in (leaping, stepping))
     assert np.isfinite(a).sum() > 1000

@@ -24,7 +24,8 @@ def driven(length, turn, last=0.0):
     if turn == 0.0:
         return np.array([length, 0.0, last])
     radius = length / turn
-    return np.array([radius * np.sin(turn), radius * (1.0 - np.cos(turn)), turn + last])
+    versine = 2.0 * np.sin(0.5 * turn) ** 2  # 1 − cos, without losing what a small turn leaves
+    return np.array([radius * np.sin(turn), radius * versine, turn + last])
 
 
 @given(

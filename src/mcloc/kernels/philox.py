@@ -7,7 +7,8 @@ step, part), the key is the seed: no word depends on the order in which others a
 
 import numpy as np
 
-from mcloc.kernels.jit import kernel
+from mcloc.kernels.elementary import log, sincos
+from mcloc.kernels.jit import kernel, scalar
 
 _M0 = np.uint64(0xD2511F53)
 _M1 = np.uint64(0xCD9E8D57)
@@ -18,10 +19,12 @@ _32 = np.uint64(32)
 _TO_UNIT = 2.0**-32
 
 
-@kernel
+@scalar
 def philox(c0, c1, c2, c3, key):  # type: ignore[no-untyped-def]
     """The four words (uint64 holding 32 bits) of one counter."""
-    a, b, c, d = np.uint64(c0), np.uint64(c1), np.uint64(c2), np.uint64(c3)
+    # The masks tell the compiler that all products are of 32 bits, which it has vectors for.
+    a, b = np.uint64(c0) & _LOW, np.uint64(c1) & _LOW
+    c, d = np.uint64(c2) & _LOW, np.uint64(c3) & _LOW
     k0 = np.uint64(key) & _LOW
     k1 = np.uint64(key) >> _32
     for _ in range(10):
@@ -36,35 +39,35 @@ def philox(c0, c1, c2, c3, key):  # type: ignore[no-untyped-def]
     return a, b, c, d
 
 
-@kernel
+@scalar
 def unit(word):  # type: ignore[no-untyped-def]
     """A 32-bit word as a number in (0, 1), never 0 and never 1."""
     return (np.float64(word) + 0.5) * _TO_UNIT
 
 
-@kernel
+@scalar
 def normal_pair(word0, word1):  # type: ignore[no-untyped-def]
     """Two independent standard normals from two words (Box–Muller)."""
-    radius = np.sqrt(-2.0 * np.log(unit(word0)))
-    angle = 2.0 * np.pi * unit(word1)
-    return radius * np.cos(angle), radius * np.sin(angle)
+    radius = np.sqrt(-2.0 * log(unit(word0)))
+    sin, cos = sincos(2.0 * np.pi * unit(word1))
+    return radius * cos, radius * sin
 
 
 @kernel
 def fill_uniform(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
     """out (4, n): uniforms in (0, 1) of the particles first + start … first + stop − 1."""
-    for i in range(start, stop):
-        a, b, c, d = philox(first + i, stream, step, part, key)
-        out[0, i] = unit(a)
-        out[1, i] = unit(b)
-        out[2, i] = unit(c)
-        out[3, i] = unit(d)
+    # Rows cut to size first: a loop from 0 over them is one that the compiler vectorises.
+    w, x, y, z = out[0, start:stop], out[1, start:stop], out[2, start:stop], out[3, start:stop]
+    for i in range(stop - start):
+        a, b, c, d = philox(first + start + i, stream, step, part, key)
+        w[i], x[i], y[i], z[i] = unit(a), unit(b), unit(c), unit(d)
 
 
 @kernel
 def fill_normal(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
     """out (4, n): standard normals of the particles first + start … first + stop − 1."""
-    for i in range(start, stop):
-        a, b, c, d = philox(first + i, stream, step, part, key)
-        out[0, i], out[1, i] = normal_pair(a, b)
-        out[2, i], out[3, i] = normal_pair(c, d)
+    w, x, y, z = out[0, start:stop], out[1, start:stop], out[2, start:stop], out[3, start:stop]
+    for i in range(stop - start):
+        a, b, c, d = philox(first + start + i, stream, step, part, key)
+        w[i], x[i] = normal_pair(a, b)
+        y[i], z[i] = normal_pair(c, d)

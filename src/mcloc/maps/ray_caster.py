@@ -5,15 +5,19 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_cdt, distance_transform_edt
 
+from mcloc.errors import MapError
 from mcloc.geometry import Pose
+from mcloc.kernels.cones import PASSABLE, SOLID, UNSEEN, leaps_of
+from mcloc.kernels.distance import squared_distance
+from mcloc.kernels.field import FOUR
 from mcloc.kernels.jit import share
-from mcloc.kernels.raycast import LARGEST_LEAP, UNKNOWN, WALL, lengths, sum_over_rays
+from mcloc.kernels.raycast import lengths, sum_over_rays
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.statespace import States
 
-_WORK = 60  # ~1 ns each, for one ray
+MOST_CELLS = 250_000_000  # the leaps of all octants are counted in 31 bits
+_WORK = 20.0  # ns a ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +45,15 @@ class RayCaster:
         angles: (B,) radians in the sensor's frame. range_max: metres.
         """
         rays = self._rays(x, mount, angles, range_max)
-        out = np.empty((x.shape[1], len(rays[2])))
+        beams = np.size(angles)
+        out = np.empty(x.shape[1] * beams)
 
         def run(start: int, stop: int) -> None:
-            lengths(*rays, out, start, stop)
+            lengths(*rays, FOUR, out, start, stop)
 
-        share(run, len(out), out.size * _WORK)
+        share(run, x.shape[1], out.size * _WORK)
         out *= self.grid.resolution
-        return out
+        return out.reshape(-1, beams)
 
     def sum(
         self,
@@ -66,10 +71,12 @@ class RayCaster:
         than range_max; then for beams that leave known space.
         """
         rays = self._rays(x, mount, angles, range_max)
+        knots_per_cell = self.grid.resolution / spacing
+        padded = np.pad(table, ((0, 0), (0, 1)))
         out = np.empty(x.shape[1])
 
         def run(start: int, stop: int) -> None:
-            sum_over_rays(*rays, table, self.grid.resolution / spacing, out, start, stop)
+            sum_over_rays(*rays, padded, knots_per_cell, FOUR, out, start, stop)
 
         share(run, len(out), len(out) * len(table) * _WORK)
         return out
@@ -79,32 +86,68 @@ class RayCaster:
         height, width = self.grid.cells.shape
         return min(range_max, self.grid.resolution * float(np.hypot(height, width)))
 
-    def _rays(self, x: States, mount: Pose, angles: ArrayLike, range_max: float):  # type: ignore[no-untyped-def]
-        """The leading arguments of the kernels."""
+    def from_cells(
+        self, cells: NDArray[np.intp], directions: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(n · D,): lengths, in cells, of rays from the middle of cells of the map with its ring
+        (indices (n,) into them, row by row), in directions (D,) of the map's own frame.
+        """
+        height, width, *_ = self.frame
+        row, column = np.divmod(cells, width)
+        x = np.stack([column + 0.5, row + 0.5, np.zeros(len(cells))])
+        across = np.stack([np.cos(directions), np.sin(directions)])
+        frame = (height, width, 0.0, 0.0, 1.0, 0.0, 1.0)
+        out = np.empty(len(cells) * len(directions))
+
+        def run(start: int, stop: int) -> None:
+            lengths(x, np.zeros(2), across, self._leaps, frame, np.inf, FOUR, out, start, stop)
+
+        share(run, len(cells), out.size * _WORK)
+        return out
+
+    @property
+    def frame(self) -> tuple[int, int, float, float, float, float, float]:
+        """The map with its ring: height, width, x and y of its corner in the map frame, cos and
+        sin of its yaw, cells per m.
+        """
         cell = self.grid.resolution
         ox, oy, yaw = self.grid.origin
+        height, width = self.grid.cells.shape
         cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
         corner = (float(ox) - cell * (cos - sin), float(oy) - cell * (sin + cos))
-        mount = np.ascontiguousarray(mount, dtype=np.float64)
+        return height + 2, width + 2, *corner, cos, sin, 1.0 / cell
+
+    def _rays(self, x: States, mount: Pose, angles: ArrayLike, range_max: float):  # type: ignore[no-untyped-def]
+        """The leading arguments of the kernels."""
         directions = np.asarray(angles, dtype=np.float64) + mount[2]
         return (
             np.ascontiguousarray(x, dtype=np.float64),
-            mount[:2],
-            np.stack([np.cos(directions), np.sin(directions)], axis=1),
-            self._clear.ravel(),
-            *self._clear.shape,
-            (*corner, cos, sin, 1.0 / cell),
-            range_max / cell,
+            np.ascontiguousarray(mount[:2], dtype=np.float64),
+            np.stack([np.cos(directions), np.sin(directions)]),
+            self._leaps,
+            self.frame,
+            range_max / self.grid.resolution,
         )
 
     @cached_property
-    def _clear(self) -> NDArray[np.uint8]:
-        """(height + 2, width + 2): how far a ray may leap from each cell, see kernels/raycast."""
-        walls = self.grid.occupied
-        passable = self.grid.free
+    def _leaps(self) -> NDArray[np.uint8]:
+        """How far rays may leap, see kernels/cones: 8 bytes a cell."""
+        return leaps_of(self.stops)
+
+    @property
+    def stops(self) -> NDArray[np.uint8]:
+        """(height + 2, width + 2): what each cell is to a ray, see kernels/cones. Raises MapError
+        for a map of too many cells.
+        """
+        walls, passable = self.grid.occupied, self.grid.free
+        if walls.size > MOST_CELLS:
+            raise MapError(
+                f"{self.grid.name}: {walls.size} cells are more than the {MOST_CELLS} through which"
+                " rays can be cast; use a coarser map"
+            )
         if self.blur > 0.0 and walls.any():
-            to_wall = distance_transform_edt(~walls) * self.grid.resolution
-            passable = passable | (self.grid.unknown & (to_wall <= self.blur))
-        passable, walls = np.pad(passable, 1), np.pad(walls, 1)
-        leaps = np.minimum(distance_transform_cdt(passable, "chessboard"), LARGEST_LEAP)
-        return np.where(passable, leaps, np.where(walls, WALL, UNKNOWN)).astype(np.uint8)
+            near = squared_distance(walls) <= (self.blur / self.grid.resolution) ** 2
+            passable = passable | (self.grid.unknown & near)
+        blocked = np.where(walls, np.uint8(SOLID), np.uint8(UNSEEN))
+        blocked[passable] = PASSABLE
+        return np.pad(blocked, 1, constant_values=UNSEEN)

@@ -17,6 +17,7 @@ from mcloc.registry import Configurable, param, parameters
 from mcloc.statespace import LogWeights, States
 
 LARGEST = 10.0  # of any deviation, in its own unit
+_BLOCK = 8192  # moves at a time: they stay in the cache until they are applied
 _WRAPS = 2.0 * np.pi * np.arange(-2, 3)
 
 
@@ -93,14 +94,17 @@ class LeftInvariant(Configurable, ABC):
         n = x.shape[1]
         draw, numbers = self.noise(u)
         reverse_below = float(ndtri(self.p_reverse))
-        moves, out = np.empty((3, n)), np.empty((3, n))
-        counter = (first, int(Stream.MOTION), draws.step, draws.part, np.uint64(draws.seed))
+        use = int(Stream.MOTION), draws.step, draws.part, np.uint64(draws.seed)
+        out = np.empty((3, n))
 
         def run(start: int, stop: int) -> None:
-            draw(moves, *numbers, reverse_below, counter, start, stop)
-            apply(x, moves, out, start, stop)
+            moves = np.empty((3, min(_BLOCK, stop - start)))
+            for a in range(start, stop, _BLOCK):
+                b = min(a + _BLOCK, stop)
+                draw(moves, *numbers, reverse_below, (first + a, *use), b - a)
+                apply(x, moves, out, a, b)
 
-        share(run, n, 80 * n)
+        share(run, n, 11 * n)
         return out
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.events import Scan
+from mcloc.maps.range_table import RangeTable
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.registry import param
 from mcloc.sensors.beam_densities import no_return, uniform
@@ -38,6 +39,11 @@ class BeamModel(ScanModel, ABC):
     over the expected range is made, with knots σ_hit / 4 apart and straight lines between: the
     error per beam, before tempering, is below 0.03, except within one knot of where the density
     itself jumps.
+
+    With ranges = table, expected ranges are looked up instead of cast, some 25 times as fast: those
+    from the middle of each cell, in table_angles directions. What that errs by, and the memory that
+    it takes, is told in maps/range_table. Both the reading and the expected range are then held to
+    the nearest knot, up to σ_hit / 8 away.
     """
 
     sigma_hit: float = param(
@@ -46,6 +52,21 @@ class BeamModel(ScanModel, ABC):
     p_max_unknown: float = param(
         0.5, "", "chance of no return where a beam leaves known space", above=0, high=0.999
     )
+    ranges: str = param(
+        "exact",
+        "",
+        "expected ranges: exact ones, or quick ones from a table",
+        choices=("exact", "table"),
+    )
+    table_angles: int = param(
+        180, "", "directions in the table, around the circle", low=4, high=1e4
+    )
+    table_memory: float = param(1000.0, "MB", "most memory of the table of ranges", above=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ranges == "table":
+            self._range_table  # noqa: B018 - a table that is too large is refused here
 
     @abstractmethod
     def mixture(
@@ -75,8 +96,13 @@ class BeamModel(ScanModel, ABC):
         """(n,): log p(z | x), 0 for a perfect scan."""
         beams, reach = self.used_beams(z), self.reach(z.range_max)
         beams = beams[z.returned[beams] | (z.ranges[beams] >= reach)]
-        table = self._log_table(z.ranges[beams], reach)
-        total = self._rays.sum(x, z.mount, z.angles[beams], reach, table, self._spacing)
+        readings, angles = z.ranges[beams], z.angles[beams]
+        if self.ranges == "table":
+            log_p, which = self._looked_up(reach), self._nearest(readings, reach)
+            total = self._range_table.sum(x, z.mount, angles, log_p, which)
+        else:
+            table = self._log_table(readings, reach)
+            total = self._rays.sum(x, z.mount, angles, reach, table, self._spacing)
         return total * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
@@ -100,6 +126,29 @@ class BeamModel(ScanModel, ABC):
     @cached_property
     def _rays(self) -> RayCaster:
         return RayCaster(self.grid, self.sigma_hit)
+
+    @cached_property
+    def _range_table(self) -> RangeTable:
+        return RangeTable(self._rays, self.table_angles, self._spacing, self.table_memory)
+
+    def _looked_up(self, reach: float) -> NDArray[np.float32]:
+        """log p of every reading that is a knot, and of no return, for `RangeTable.sum`."""
+        tables = self._tables
+        if reach not in tables:
+            knots = self._spacing * np.arange(int(np.ceil(reach / self._spacing)))
+            table = self._log_table(np.append(knots, reach), reach)
+            tables[reach] = self._range_table.spread(table, reach)
+        return tables[reach]
+
+    @cached_property
+    def _tables(self) -> dict[float, NDArray[np.float32]]:
+        return {}
+
+    def _nearest(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
+        """Which row of that each reading has."""
+        rows = int(np.ceil(reach / self._spacing))
+        knot = np.minimum(np.rint(np.minimum(readings, reach) / self._spacing), rows - 1)
+        return np.where(readings < reach, knot, rows).astype(np.intp)
 
     def _log_table(self, readings: NDArray[np.float64], range_max: float) -> NDArray[np.float32]:
         """(B, K + 2): log p of each reading over the expected range, as RayCaster.sum wants it."""

@@ -2,18 +2,21 @@
 endpoint to the nearest wall  [Thrun, Burgard, Fox: Probabilistic Robotics, §6.4].
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from mcloc.events import Scan
+from mcloc.kernels.distance import squared_distance
 from mcloc.maps.cell_table import CellTable
 from mcloc.registry import param
 from mcloc.sensors.beams import ScanModel
 from mcloc.statespace import LogWeights, States
+
+NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,9 @@ class LikelihoodField(ScanModel):
     surprises more than one from a thing that stands in free space since.
 
     Readings that are no return have no endpoint: they count among the beams used but say nothing.
+
+    log p is held to 16 bits between the largest and the least that it can be, log 1 and log
+    z_unknown: with the defaults within 2.3 · 10⁻⁵ for each beam, before tempering.
     """
 
     sigma_hit: float = param(0.1, "m", "deviation of endpoints from walls", low=1e-3, high=5)
@@ -34,35 +40,34 @@ class LikelihoodField(ScanModel):
     )
     z_unknown: float = param(0.05, "", "the same where the map is unknown", above=0, high=1)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._tables  # noqa: B018 - ready before the first scan, and before threads ask for it
+
+    @cached_property
+    def _tables(self) -> tuple[CellTable, CellTable]:
+        """log p of a beam that ends in a cell; 1 within 3 σ_hit of a wall, else 0.
+
+        Both depend on the distance in cells alone, whose square is a whole number: the values are
+        computed once for each of these, up to where walls explain nothing any more.
+        """
+        margin = int(np.ceil(self._farthest / self.grid.resolution)) + 1
+        squared = squared_distance(np.pad(self.grid.occupied, margin))
+        most = np.int32(min(margin**2, int(squared.max())))
+        np.minimum(squared, most, out=squared)
+        d = self.grid.resolution * np.sqrt(np.arange(int(most) + 1))
+        hit = np.exp(-0.5 * (d / self.sigma_hit) ** 2)
+        log_p = [np.log((1.0 - z) * hit + z) for z in (self.z_rand, self.z_unknown)]
+        near = CellTable.chosen(self.grid, (d <= 3.0 * self.sigma_hit).astype(np.float64), squared)
+        unknown = np.pad(self.grid.unknown, margin, constant_values=True)
+        np.add(squared, most + 1, out=squared, where=unknown)
+        return CellTable.chosen(self.grid, np.concatenate(log_p), squared), near
+
     @property
-    def _margin(self) -> int:
-        """Cells around the map, up to where a wall on its border explains nothing: 5 σ_hit."""
-        return int(np.ceil(5.0 * self.sigma_hit / self.grid.resolution)) + 1
-
-    @cached_property
-    def _distance(self) -> NDArray[np.float32]:
-        """(height + 2 m, width + 2 m): metres to the nearest wall, m = _margin."""
-        padded = np.pad(self.grid.occupied, self._margin)
-        if not padded.any():
-            return np.full(padded.shape, np.inf, dtype=np.float32)
-        cells = distance_transform_edt(~padded)
-        return (cells * self.grid.resolution).astype(np.float32)
-
-    @cached_property
-    def _near(self) -> CellTable:
-        """1 within 3 σ_hit of a wall, else 0."""
-        return CellTable(self.grid, (self._distance <= 3.0 * self.sigma_hit).astype(np.float32))
-
-    @cached_property
-    def _table(self) -> CellTable:
-        """log p of a beam that ends in a cell."""
-        z = np.where(
-            np.pad(self.grid.unknown, self._margin, constant_values=True),
-            self.z_unknown,
-            self.z_rand,
-        )
-        hit = np.exp(-0.5 * (self._distance / self.sigma_hit) ** 2)
-        return CellTable(self.grid, np.log((1.0 - z) * hit + z).astype(np.float32))
+    def _farthest(self) -> float:
+        """Metres from a wall from where on it adds less than 10⁻⁶ to any log p."""
+        least = min(self.z_rand, self.z_unknown)
+        return self.sigma_hit * math.sqrt(-2.0 * (math.log(NOTHING) + math.log(least)))
 
     def endpoints(self, z: Scan) -> NDArray[np.float64]:
         """(B, 2): where the used beams end, metres, robot frame; beams without a return left
@@ -76,7 +81,7 @@ class LikelihoodField(ScanModel):
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
-        return self._table.sum(x, self.endpoints(z)) * self.tempering(z)
+        return self._tables[0].summed(self.endpoints(z))(x) * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
         """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without
@@ -85,4 +90,4 @@ class LikelihoodField(ScanModel):
         points = self.endpoints(z)
         if len(points) == 0:
             return np.full(x.shape[1], np.nan)
-        return self._near.sum(x, points) / len(points)
+        return self._tables[1].summed(points)(x) / len(points)
