@@ -4,6 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("kernels", deadline=None)  # the first example compiles them
+settings.load_profile("kernels")
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mcloc.errors import ConfigError
 from mcloc.kernels.jit import share
-from mcloc.kernels.philox import fill_normal, fill_uniform
+from mcloc.kernels.normals import fill_normal
+from mcloc.kernels.philox import fill_uniform
 
 
 class Stream(IntEnum):

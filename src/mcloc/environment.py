@@ -2,7 +2,6 @@
 headings.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,7 +36,7 @@ class FreeSpace(Configurable):
             raise MapError(
                 f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
-        self._log_prior  # noqa: B018 - ready before threads ask for it
+        self._table  # noqa: B018 - ready before threads ask for it
 
     @cached_property
     def _cells(self) -> NDArray[np.int32]:
@@ -67,15 +66,14 @@ class FreeSpace(Configurable):
 
     def log_prior(self, x: States) -> LogWeights:
         """(n,): log p(x | m)."""
-        return self._log_prior(x)
+        return self._table.at(x)
 
     @cached_property
-    def _log_prior(self) -> Callable[[States], LogWeights]:
+    def _table(self) -> CellTable:
         values = np.log([1.0, self.p_unknown, self.p_occupied])
         which = np.where(self.grid.unknown, np.uint8(1), np.uint8(2))
         which[self.grid.free] = 0
-        table = CellTable.chosen(self.grid, values, np.pad(which, 1, constant_values=1))
-        return table.summed(np.zeros((1, 2)))
+        return CellTable.chosen(self.grid, values, np.pad(which, 1, constant_values=1))
 
 
 ENVIRONMENTS: Registry[Environment] = Registry("environment", {"free-space": FreeSpace})

@@ -4,17 +4,19 @@ share.
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.geometry import wrap
+from mcloc.kernels.bins import Bins
 from mcloc.kernels.clusters import find_neighbours, join_hills, smooth
+from mcloc.kernels.moments import moments_of_bins, moments_of_groups
 from mcloc.particles import Particles
 from mcloc.statespace import StateSpace
 
 BIN_LENGTH = 0.25  # m; with the smoothing, modes nearer than about 0.5 m are one
-BIN_ANGLE = np.deg2rad(15.0)
+BIN_ANGLE = float(np.deg2rad(15.0))  # a whole number of them makes a circle
 VALLEY = (
     0.5  # two hills are two hypotheses if the density between them falls below half of the lower
 )
@@ -38,53 +40,89 @@ def hypotheses(particles: Particles, space: StateSpace) -> tuple[Hypothesis, ...
     """The modes of a belief, largest share first; at least one.
 
     A mode is a hill of the belief's smoothed histogram. The mean of two modes, which may lie in a
-    wall, is never taken.
+    wall, is never taken. All is found from the bins of the histogram and the moments in each.
     """
-    labels = cluster(particles, space)
-    count = int(labels.max()) + 1
-    shares = np.bincount(labels, particles.weights, count)
+    histogram = _Histogram(particles, space)
+    hill_of, count = histogram.hills()
+    shares = np.bincount(hill_of, histogram.mass, count)
     ranked = np.argsort(-shares, kind="stable")
-    chosen = [k for k in ranked if shares[k] >= LEAST_SHARE] or [ranked[0]]
-    return tuple(_moments(particles, space, labels == k, float(shares[k])) for k in chosen)
+    chosen = ranked[: max(int((shares >= LEAST_SHARE).sum()), 1)]
+    rank = np.full(count, -1)
+    rank[chosen] = np.arange(len(chosen))
+    means, covariances = histogram.moments(rank[hill_of], len(chosen))
+    return tuple(
+        Hypothesis(mean, covariance, min(float(shares[k]), 1.0))
+        for k, mean, covariance in zip(chosen, means, covariances, strict=True)
+    )
 
 
 def cluster(particles: Particles, space: StateSpace) -> NDArray[np.intp]:
-    """(N,): which cluster each particle belongs to, from 0."""
+    """(N,): which hill each particle belongs to, from 0."""
+    histogram = _Histogram(particles, space)
+    hill_of, _ = histogram.hills()
+    of_bin = np.empty(len(hill_of), dtype=np.intp)
+    of_bin[histogram.order] = hill_of
+    return of_bin[histogram.labels]
+
+
+class _Histogram:
+    """A belief by the bins that it occupies, in the order of their keys."""
+
+    def __init__(self, particles: Particles, space: StateSpace) -> None:
+        self.circular, self.around, sides = _axes(space)
+        self.bins = Bins(sides, self.around)
+        x = particles.states
+        self.labels = self.bins.add(x)
+        reference = np.ascontiguousarray(x[:, self.bins.first[: self.bins.known]])
+        sums = moments_of_bins(x, particles.weights, self.labels, reference, self.circular)
+        self.order, self.keys, self.coordinates = self.bins.sorted()
+        self.reference, self.sums = reference[:, self.order], sums[self.order]
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """(K,): of each bin."""
+        return self.sums[:, 0]
+
+    def hills(self) -> tuple[NDArray[np.intp], int]:
+        """(K,): which hill each bin belongs to, from 0; and how many there are."""
+        offsets, weights = _around(len(self.circular))
+        neighbours = np.empty((len(self.keys), len(offsets)), dtype=np.int64)
+        periods = self.around.astype(np.int64)
+        find_neighbours(
+            self.keys, self.coordinates, offsets, periods, self.bins.strides, neighbours
+        )
+        density = np.empty(len(self.keys))
+        smooth(self.mass.copy(), neighbours, weights, density)
+        root = np.empty(len(self.keys), dtype=np.int64)
+        join_hills(np.argsort(-density, kind="stable"), density, neighbours, VALLEY, root)
+        is_top = root == np.arange(len(root))
+        number = np.cumsum(is_top) - 1
+        return number[root], int(number[-1]) + 1
+
+    def moments(
+        self, group: NDArray[np.intp], groups: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Means (G, D) and covariances (G, D, D) of the particles in groups of bins, circular where
+        the space is. group: (K,) of each bin, from 0; < 0 for none.
+        """
+        d = len(self.circular)
+        mean, covariance = np.empty((groups, d)), np.empty((groups, d, d))
+        moments_of_groups(self.sums, self.reference, self.circular, group, mean, covariance)
+        return mean, covariance
+
+
+@cache
+def _axes(
+    space: StateSpace,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
+    """(D,): which axes are circular, how many bins go around each (0: straight), their sides."""
     circular = np.array(space.circular)
-    around = round(2.0 * np.pi / BIN_ANGLE)
-    sides = np.where(circular, 2.0 * np.pi / around, BIN_LENGTH)
-    at = np.floor(particles.states / sides[:, None]).astype(np.int64)
-    at[circular] %= around
-    at[~circular] -= at[~circular].min(axis=1, keepdims=True) - 1
-    extent = at.max(axis=1) + 2
-    strides = np.concatenate([[1], np.cumprod(extent[:-1])])
-    keys, which = np.unique(strides @ at, return_inverse=True)
-    bins = np.stack([keys // s % e for s, e in zip(strides, extent, strict=True)])
-    mass = np.bincount(which, particles.weights)
-
-    offsets = np.array(list(itertools.product((-1, 0, 1), repeat=space.dimension)))
-    neighbours = np.empty((len(keys), len(offsets)), dtype=np.int64)
-    find_neighbours(keys, bins, offsets, np.where(circular, around, 0), strides, neighbours)
-    density = np.empty(len(keys))
-    smooth(mass, neighbours, 0.5 ** np.abs(offsets).sum(axis=1), density)
-    root = np.empty(len(keys), dtype=np.int64)
-    join_hills(np.argsort(-density, kind="stable"), density, neighbours, VALLEY, root)
-    return np.unique(root, return_inverse=True)[1][which]
+    around = np.where(circular, float(round(2.0 * np.pi / BIN_ANGLE)), 0.0)
+    return circular, around, np.where(circular, BIN_ANGLE, BIN_LENGTH)
 
 
-def _moments(
-    particles: Particles, space: StateSpace, chosen: NDArray[np.bool_], share: float
-) -> Hypothesis:
-    """Mean and covariance of some of the particles, circular where the space is."""
-    x, w = particles.states[:, chosen], particles.weights[chosen] / share
-    circular = np.array(space.circular)
-    mean = (x * w).sum(axis=1)
-    mean[circular] = np.arctan2(
-        (np.sin(x[circular]) * w).sum(axis=1), (np.cos(x[circular]) * w).sum(axis=1)
-    )
-    error = x - mean[:, None]
-    error[circular] = wrap(error[circular])
-    covariance = (error[:, None] * error[None, :] * w).sum(
-        axis=2
-    )  # not BLAS: its sums depend on threads
-    return Hypothesis(mean, covariance, min(share, 1.0))
+@cache
+def _around(dimension: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(M, D): the offsets of a bin's neighbours and its own; (M,) their weights in smoothing."""
+    offsets = np.array(list(itertools.product((-1, 0, 1), repeat=dimension)))
+    return offsets, 0.5 ** np.abs(offsets).sum(axis=1)

@@ -50,8 +50,8 @@ class Scan:
         range_max.
         """
         r = self.ranges
-        with np.errstate(invalid="ignore"):
-            return np.isfinite(r) & (r > 0.0) & (r >= self.range_min) & (r < self.range_max)
+        within: NDArray[np.bool_] = (r > 0.0) & (r >= self.range_min) & (r < self.range_max)
+        return within & (r < np.inf)
 
 
 Event = Odometry | Scan

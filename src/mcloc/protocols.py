@@ -10,7 +10,7 @@ from mcloc.draws import Draws
 from mcloc.particles import Particles
 from mcloc.statespace import LogWeights, States, StateSpace
 
-Indices = NDArray[np.intp]
+Indices = NDArray[np.integer[Any]]
 
 
 class MotionModel(Protocol):

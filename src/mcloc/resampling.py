@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
 from mcloc.errors import ConfigError
+from mcloc.kernels.ancestors import ancestors_of, ancestors_of_golden_comb, first_above
 from mcloc.particles import Particles
+from mcloc.protocols import Indices
 from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights
-
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Ancestry:
     else None.
     """
 
-    of: Callable[[int, int], NDArray[np.intp]]
+    of: Callable[[int, int], Indices]
     n: int | None
     log_weights: LogWeights | None = None
 
@@ -64,7 +64,7 @@ class Multinomial(Configurable):
     needs_n: ClassVar[bool] = False
 
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        search = _search(particles.weights)
+        search = Search(particles.weights)
         return Ancestry(lambda first, count: search(_uniform(draws, first, count)), n)
 
 
@@ -81,9 +81,9 @@ class Stratified(Configurable):
     needs_n: ClassVar[bool] = False
 
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        search = _search(particles.weights)
+        search = Search(particles.weights)
 
-        def of(first: int, count: int) -> NDArray[np.intp]:
+        def of(first: int, count: int) -> Indices:
             if n is None:
                 return search(_halving_teeth(draws, first + count)[first:])
             j = np.arange(first, first + count, dtype=np.float64)
@@ -105,14 +105,12 @@ class Systematic(Configurable):
     needs_n: ClassVar[bool] = False
 
     def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
-        search = _search(particles.weights)
         offset = float(_uniform(draws, 0, 1)[0])
-
-        def of(first: int, count: int) -> NDArray[np.intp]:
-            j = np.arange(first, first + count, dtype=np.float64)
-            return search(np.mod(offset + j * GOLDEN, 1.0) if n is None else (offset + j) / n)
-
-        return Ancestry(of, n)
+        if n is None:
+            search = Search(particles.weights)
+            return Ancestry(lambda first, count: search.golden_comb(offset, first, count), n)
+        ancestors = comb(particles.weights, offset, n)
+        return Ancestry(lambda first, count: ancestors[first : first + count], n)
 
 
 @dataclass(frozen=True)
@@ -127,15 +125,15 @@ class Residual(Configurable):
         shares = known_before(n) * particles.weights
         certain = np.floor(shares * (1.0 + 1e-12))  # n w = 1 may have been rounded down
         kept = np.repeat(np.arange(len(particles)), certain.astype(np.intp))
-        rest = np.maximum(shares - certain, 0.0)
+        search = Search(np.maximum(shares - certain, 0.0))
 
-        def of(first: int, count: int) -> NDArray[np.intp]:
+        def of(first: int, count: int) -> Indices:
             ancestors = kept[first : first + count]
             drawn = max(first, len(kept))
             if drawn >= first + count:
                 return ancestors
             teeth = _uniform(draws, drawn, first + count - drawn)
-            return np.concatenate([ancestors, _search(rest)(teeth)])
+            return np.concatenate([ancestors, search(teeth)])
 
         return Ancestry(of, n)
 
@@ -199,19 +197,38 @@ def _uniform(draws: Draws, first: int, count: int) -> NDArray[np.float64]:
     return uniform
 
 
-def _search(weights: NDArray[np.float64]) -> Callable[[NDArray[np.float64]], NDArray[np.intp]]:
+class Search:
     """Teeth in [0, 1] -> the particles at which they meet the cumulative weights; none of weight
     0.
     """
-    cumulative = np.cumsum(weights)
-    last = np.searchsorted(cumulative, cumulative[-1])  # the last that weighs anything
 
-    def search(teeth: NDArray[np.float64]) -> NDArray[np.intp]:
-        found = np.searchsorted(cumulative, teeth * cumulative[-1], side="right")
-        ancestors: NDArray[np.intp] = np.minimum(found, last)
-        return ancestors
+    def __init__(self, weights: NDArray[np.float64]) -> None:
+        self.cumulative = np.cumsum(weights)
+        total = float(self.cumulative[-1])
+        # The last that weighs anything.
+        self.last = int(np.searchsorted(self.cumulative, total))
+        self.guide = np.empty(len(weights) + 1, dtype=np.intp)
+        if total > 0.0:
+            first_above(weights, len(weights) / total, 0.0, self.guide)
 
-    return search
+    def __call__(self, teeth: NDArray[np.float64]) -> Indices:
+        """(n,): what each of the teeth (n,) meets."""
+        found = np.empty(len(teeth), dtype=np.intp)
+        ancestors_of(teeth, self.cumulative, self.last, self.guide, found)
+        return found
+
+    def golden_comb(self, offset: float, first: int, count: int) -> Indices:
+        """(count,): what the teeth first … of the golden-ratio comb meet."""
+        found = np.empty(count, dtype=np.intp)
+        ancestors_of_golden_comb(offset, first, self.cumulative, self.last, self.guide, found)
+        return found
+
+
+def comb(weights: NDArray[np.float64], offset: float, n: int) -> Indices:
+    """(n,): what the teeth (offset + j) / n meet. weights: their sum is 1."""
+    found = np.empty(n, dtype=np.intp)
+    first_above(weights, float(n), offset, found)
+    return found
 
 
 def _halving_teeth(draws: Draws, n: int) -> NDArray[np.float64]:

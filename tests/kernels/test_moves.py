@@ -4,25 +4,25 @@ import numpy as np
 import pytest
 
 from mcloc.draws import Draws, Stream
-from mcloc.geometry import between, compose
-from mcloc.kernels.moves import (
-    apply_moves,
-    arc_moves,
-    odometry_moves,
-    omnidirectional_moves,
-    undo_moves,
-)
+from mcloc.geometry import compose, wrap
+from mcloc.kernels.moves import arc_moves, odometry_moves, omnidirectional_moves
 
 FIRST, SECOND, THIRD = 0.3, 0.8, -0.5
 SD = (0.1, 0.05, 0.2)
 
 
-def drawn_moves(kernel, numbers=(FIRST, SECOND, THIRD, *SD), reverse_below=-np.inf):
-    """(3, 60) moves, and the (4, 60) normals that they are made of."""
-    out = np.empty((3, 60))
+def moved(kernel, x, numbers=(FIRST, SECOND, THIRD, *SD), reverse_below=-np.inf, back=0.0):
+    """x (3, N) moved, or where it was before."""
+    out = np.empty(x.shape)
     counter = (11, int(Stream.MOTION), 4, 1, np.uint64(8))
-    kernel(out, *numbers, reverse_below, counter, 60)
-    return out, Draws(8, 4, 1).normal(Stream.MOTION, 11, 60)
+    kernel(x, out, numbers, reverse_below, back, counter, 0, x.shape[1])
+    return out
+
+
+def drawn_moves(kernel, *numbers, **more):
+    """(3, 60) moves, which is where they lead from 0; and the (4, 60) normals that they are of."""
+    moves = moved(kernel, np.zeros((3, 60)), *numbers, **more)
+    return moves, Draws(8, 4, 1).normal(Stream.MOTION, 11, 60)
 
 
 @pytest.mark.parametrize("reverse_below", [-np.inf, 0.0])
@@ -75,13 +75,32 @@ def test_an_arc_of_no_length_turns_on_the_spot():
     assert np.abs(moves[:2]).max() == 0.0
 
 
-def test_applied_and_undone_moves_are_those_of_se2():
-    rng = np.random.default_rng(1)
-    x, moves = rng.uniform(-4.0, 4.0, (2, 3, 60))
-    new, old = np.empty((3, 60)), np.empty((3, 60))
-    apply_moves(x, moves, new, 0, 60)
-    undo_moves(x, moves, old, 0, 60)
-    assert np.allclose(new.T, compose(x.T, moves.T))
-    turns = moves.T.copy()
-    turns[:, 2] = np.arctan2(np.sin(moves[2]), np.cos(moves[2]))
-    assert between(old.T, x.T) == pytest.approx(turns)
+KERNELS = odometry_moves, omnidirectional_moves, arc_moves
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_moves_are_composed_with_poses(kernel):
+    x = np.random.default_rng(1).uniform(-4.0, 4.0, (3, 600))  # more than lie in the cache at once
+    moves = moved(kernel, np.zeros((3, 600)))
+    error = moved(kernel, x).T - compose(x.T, moves.T)
+    error[:, 2] = wrap(error[:, 2])
+    assert np.abs(error).max() < 1e-14
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_move_undone_leads_back(kernel):
+    x = np.random.default_rng(2).uniform(-3.0, 3.0, (3, 600))
+    for reverse_below in (-np.inf, 0.0):
+        there = moved(kernel, x, reverse_below=reverse_below)
+        back = moved(kernel, there, reverse_below=reverse_below, back=1.0)
+        assert back == pytest.approx(x, abs=1e-14)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_any_split_gives_the_same_bits(kernel):
+    x = np.random.default_rng(3).uniform(-3.0, 3.0, (3, 700))
+    counter = (11, int(Stream.MOTION), 4, 1, np.uint64(8))
+    split = np.empty(x.shape)
+    for start, stop in ((0, 1), (1, 300), (300, 700)):
+        kernel(x, split, (FIRST, SECOND, THIRD, *SD), -np.inf, 0.0, counter, start, stop)
+    assert np.array_equal(moved(kernel, x), split)

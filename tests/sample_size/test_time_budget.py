@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mcloc.filters.particle_filter import draw
+from mcloc.filters.particle_filter import LEAST_CHUNK, draw
 from mcloc.protocols import Weighed
 from mcloc.sample_size import TimeBudget
 from mcloc.statespace import LINE
@@ -33,14 +33,14 @@ def drawn(clock, **limits):
 @pytest.mark.parametrize("affordable", [3_000, 10_000, 70_000])
 def test_the_budget_is_used_and_passed_by_one_chunk_at_most(affordable):
     n = drawn(Clock(1.0 / affordable), minimum=10, maximum=1_000_000)
-    assert affordable <= n <= affordable + max(1024, affordable / 4)
+    assert affordable <= n <= affordable + max(LEAST_CHUNK, affordable / 4)
 
 
 def test_a_slow_machine_draws_the_minimum_all_the_same():
-    assert 3_000 <= drawn(Clock(1.0), minimum=3_000, maximum=10_000) < 3_000 + 1024
+    assert 3_000 <= drawn(Clock(1.0), minimum=3_000, maximum=10_000) < 3_000 + LEAST_CHUNK
 
 
-@pytest.mark.parametrize("maximum", [1, 1024, 1025, 5_000])
+@pytest.mark.parametrize("maximum", [1, LEAST_CHUNK, LEAST_CHUNK + 1, 5_000])
 def test_a_fast_machine_draws_the_maximum_and_no_more(maximum):
     assert drawn(Clock(0.0), minimum=1, maximum=maximum) == maximum
 

@@ -2,6 +2,7 @@
 §19.2.3, §19.3.3].
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -11,7 +12,8 @@ import numpy as np
 from mcloc.draws import Draws
 from mcloc.filters.people import NoPeopleFilter
 from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
-from mcloc.particles import Particles, log_sum_exp
+from mcloc.kernels.jit import share
+from mcloc.particles import Particles, log_sum_exp, log_sums_exp
 from mcloc.proposals.target import Target
 from mcloc.protocols import (
     Counter,
@@ -27,6 +29,10 @@ from mcloc.protocols import (
 )
 from mcloc.resampling import Systematic
 from mcloc.statespace import SE2, StateSpace
+
+BLOCK = 1 << 15  # particles drawn and weighed at a time
+LEAST_CHUNK = 2048  # where it is found while drawing how many there are to be
+WORK = 40.0  # ns that a particle takes
 
 
 class Proposal(Protocol):
@@ -122,17 +128,21 @@ class ParticleFilter:
             z, filtered = self.people.without_people(z, self._predictive(bel, u, draws))
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
-        likelihood = self._likelihood(drawn[0], z, filtered)
+        total, likelihood = self._totals(drawn[0], z, filtered)
         doubt = self.recovery.doubt(evidence, likelihood)
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
-            likelihood = self._likelihood(drawn[0], z, filtered)
-        estimates = [log_sum_exp(d.log_weights) - float(np.log(len(d.log_before))) for d in drawn]
-        shifts = self._shifts(estimates, [len(d.log_before) for d in drawn])
-        particles = Particles.normalized(
-            np.concatenate([d.states for d in drawn], axis=1),
-            np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
-        )
+            total, likelihood = self._totals(drawn[0], z, filtered)
+        totals = [total, *(log_sum_exp(d.log_weights) for d in drawn[1:])]
+        estimates = [t - math.log(len(d.log_before)) for t, d in zip(totals, drawn, strict=True)]
+        if len(drawn) == 1:
+            particles = Particles.normalized(drawn[0].states, drawn[0].log_weights, totals[0])
+        else:
+            shifts = self._shifts(estimates, [len(d.log_before) for d in drawn])
+            particles = Particles.normalized(
+                np.concatenate([d.states for d in drawn], axis=1),
+                np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
+            )
         evidence = evidence.updated(likelihood, self.recovery.rates)
         info = StepInfo(
             len(particles),
@@ -184,19 +194,21 @@ class ParticleFilter:
             sizes.append(len(drawn[-1].log_before))
         return drawn
 
-    def _likelihood(self, drawn: Weighed, z: Any, filtered: float) -> float:
-        """Mean of p(z | x)^(1/readings) over the predictive density, the likelihood of one reading.
+    def _totals(self, drawn: Weighed, z: Any, filtered: float) -> tuple[float, float]:
+        """Log of the sum of all weights; and the mean of p(z | x)^(1/readings) over the predictive
+        density, the likelihood of one reading.
 
         Of one, so that scans of any length and novelty compare. Readings that were left out count
         as explained by nothing: or a lost filter would take what contradicts it for people, and be
         content with the rest.
         """
-        total = log_sum_exp(drawn.log_before)
-        if not np.isfinite(total):
-            return 0.0
-        weights = np.exp(drawn.log_before - total)
-        of_one = np.exp(drawn.log_likelihoods / self.sensor.readings(z))
-        return (1.0 - filtered) * float((weights * of_one).sum())
+        of_one = 1.0 / self.sensor.readings(z)
+        before, total, likelihood = log_sums_exp(
+            drawn.log_before, drawn.log_likelihoods, 0.0, 1.0, of_one
+        )
+        if not math.isfinite(before):
+            return total, 0.0
+        return total, (1.0 - filtered) * math.exp(likelihood - before)
 
     def _shifts(self, estimates: list[float], sizes: list[int]) -> list[float]:
         """What to add to the log weights of each part for its share of the belief.
@@ -209,7 +221,7 @@ class ParticleFilter:
         shifts = np.log(phis) - np.log(sizes)
         for group in {part.group for part in self.parts}:
             members = np.array([part.group == group for part in self.parts])
-            total = log_sum_exp(evidence[members])
+            total = np.logaddexp.reduce(evidence[members])
             if np.isfinite(total):
                 shifts[members] += np.log(phis[members].sum()) - total
         return [float(shift) for shift in shifts]
@@ -222,18 +234,39 @@ def draw(source: Source, counter: Counter, first: int | None, n: int | None) -> 
     particles alone, not on the chunks.
     """
     if n is not None:
-        return source(0, n)
+        return _drawn(source, 0, n)
     drawn, chunks = 0, []
     while True:
-        count = first or max(1024, drawn // 4)
-        chunk = source(drawn, count)
+        count = first or max(LEAST_CHUNK, drawn // 4)
+        chunk = _drawn(source, drawn, count)
         enough = counter.enough(chunk.states, chunk.log_weights)
         chunks.append(chunk.first(enough))
         if enough is not None:
             break
         drawn += count
+    return _joined(chunks)
+
+
+def _drawn(source: Source, first: int, n: int) -> Weighed:
+    """The particles first … first + n − 1, by several threads if they are many. Each thread takes
+    as many at a time through all stages as its cache holds.
+    """
+    found: list[tuple[int, Weighed]] = []
+
+    def run(start: int, stop: int) -> None:
+        for at in range(start, stop, BLOCK):
+            found.append((at, source(first + at, min(BLOCK, stop - at))))
+
+    share(run, n, WORK * n)
+    return _joined([block for _, block in sorted(found, key=lambda part: part[0])])
+
+
+def _joined(parts: list[Weighed]) -> Weighed:
+    """One after the other."""
+    if len(parts) == 1:
+        return parts[0]
     return Weighed(
-        np.concatenate([c.states for c in chunks], axis=1),
-        np.concatenate([c.log_before for c in chunks]),
-        np.concatenate([c.log_likelihoods for c in chunks]),
+        np.concatenate([p.states for p in parts], axis=1),
+        np.concatenate([p.log_before for p in parts]),
+        np.concatenate([p.log_likelihoods for p in parts]),
     )

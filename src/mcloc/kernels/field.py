@@ -8,7 +8,7 @@ numbers add up to the same sum in any order, and half the memory of float32 stay
 import numpy as np
 
 from mcloc.kernels.elementary import sincos
-from mcloc.kernels.jit import kernel, scalar
+from mcloc.kernels.jit import fused, kernel, scalar
 
 _TOGETHER = 256  # particles whose sines are taken at once
 _X, _Y, _COS, _SIN = range(0, 4 * _TOGETHER, _TOGETHER)
@@ -61,7 +61,28 @@ def sum_over_points(states, points, beams, table, frame, four, out, start, stop)
                 out[first + batch + j] = _sum_of(table, cells, begin, n, four)
 
 
-@scalar
+@kernel
+def look_up(states, table, frame, out, start, stop):  # type: ignore[no-untyped-def]
+    """out (N,): table[cell of the place]; everything as for `sum_over_points`, in a quarter of the
+    time that one point at the origin takes there.
+    """
+    height, width, corner_x, corner_y, cos0, sin0, per_cell = frame
+    right, top, row_length = width - 0.5, height - 0.5, np.int32(width)
+    cells = np.empty(_TOGETHER, np.int32)
+    for first in range(start, stop, _TOGETHER):
+        x, y = states[0, first:stop], states[1, first:stop]
+        count = min(_TOGETHER, stop - first)
+        for i in range(count):
+            dx, dy = x[i] - corner_x, y[i] - corner_y
+            column, row = (cos0 * dx + sin0 * dy) * per_cell, (cos0 * dy - sin0 * dx) * per_cell
+            column, row = (column if column > 0.0 else 0.0), (row if row > 0.0 else 0.0)
+            column, row = (column if column < right else right), (row if row < top else top)
+            cells[i] = np.int32(row) * row_length + np.int32(column)
+        for i in range(count):
+            out[first + i] = table[np.uint64(cells[i])]
+
+
+@fused
 def _cells_of_points(pose, i, points_x, points_y, right, top, row_length, cells):  # type: ignore[no-untyped-def]
     """cells (B,): where the points lie in the table, those off the map on its ring.
 

@@ -7,7 +7,6 @@ step, part), the key is the seed: no word depends on the order in which others a
 
 import numpy as np
 
-from mcloc.kernels.elementary import log, sincos
 from mcloc.kernels.jit import kernel, scalar
 
 _M0 = np.uint64(0xD2511F53)
@@ -45,12 +44,13 @@ def unit(word):  # type: ignore[no-untyped-def]
     return (np.float64(word) + 0.5) * _TO_UNIT
 
 
-@scalar
-def normal_pair(word0, word1):  # type: ignore[no-untyped-def]
-    """Two independent standard normals from two words (Box–Muller)."""
-    radius = np.sqrt(-2.0 * log(unit(word0)))
-    sin, cos = sincos(2.0 * np.pi * unit(word1))
-    return radius * cos, radius * sin
+@kernel
+def fill_words(out, n, first, stream, step, part, key):  # type: ignore[no-untyped-def]
+    """out (4, ≥ n) uint32: the words of the particles first … first + n − 1."""
+    w, x, y, z = out[0], out[1], out[2], out[3]
+    for i in range(n):
+        a, b, c, d = philox(first + i, stream, step, part, key)
+        w[i], x[i], y[i], z[i] = np.uint32(a), np.uint32(b), np.uint32(c), np.uint32(d)
 
 
 @kernel
@@ -61,13 +61,3 @@ def fill_uniform(out, first, stream, step, part, key, start, stop):  # type: ign
     for i in range(stop - start):
         a, b, c, d = philox(first + start + i, stream, step, part, key)
         w[i], x[i], y[i], z[i] = unit(a), unit(b), unit(c), unit(d)
-
-
-@kernel
-def fill_normal(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
-    """out (4, n): standard normals of the particles first + start … first + stop − 1."""
-    w, x, y, z = out[0, start:stop], out[1, start:stop], out[2, start:stop], out[3, start:stop]
-    for i in range(stop - start):
-        a, b, c, d = philox(first + start + i, stream, step, part, key)
-        w[i], x[i] = normal_pair(a, b)
-        y[i], z[i] = normal_pair(c, d)

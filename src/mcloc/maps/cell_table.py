@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.kernels.field import FOUR, sum_over_points
+from mcloc.kernels.field import FOUR, look_up, sum_over_points
 from mcloc.kernels.jit import share
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.statespace import States
@@ -45,19 +46,13 @@ class CellTable:
         Cells are found in float32: a point within 2⁻²² of the map's size to the border between two
         may be taken for one of the other.
         """
-        (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
-        cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
-        height, width = self.codes.shape
-        margin = cell * ((height - self.grid.cells.shape[0]) // 2)
-        corner = (float(ox) - margin * (cos - sin), float(oy) - margin * (sin + cos))
-        frame = (height, width, *corner, cos, sin, 1.0 / cell)
+        cell, flat, frame = self.grid.resolution, self.codes.ravel(), self._frame
         # Rounded up to whole vectors of 16; the rest of a loop takes as long as one of them.
         in_cells = np.zeros((2, -(-len(points) // 16) * 16), dtype=np.float32)
         in_cells[:, : len(points)] = points.T / cell
-        flat = self.codes.ravel()
         most = self.largest * len(points)
 
-        def at(x: States) -> NDArray[np.float64]:
+        def summed(x: States) -> NDArray[np.float64]:
             out = np.empty(x.shape[1])
 
             def run(start: int, stop: int) -> None:
@@ -68,4 +63,23 @@ class CellTable:
             out += most
             return out
 
-        return at
+        return summed
+
+    def at(self, x: States) -> NDArray[np.float64]:
+        """(n,): the value of the cell that each place x (3, n) lies in."""
+        flat, frame = self.codes.ravel(), self._frame
+        out = np.empty(x.shape[1])
+        share(lambda a, b: look_up(x, flat, frame, out, a, b), len(out), 2.0 * len(out))
+        out *= -self.step
+        out += self.largest
+        return out
+
+    @cached_property
+    def _frame(self) -> tuple[int, int, float, float, float, float, float]:
+        """Of the table, as the kernels take it."""
+        (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
+        cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
+        height, width = self.codes.shape
+        margin = cell * ((height - self.grid.cells.shape[0]) // 2)
+        corner = (float(ox) - margin * (cos - sin), float(oy) - margin * (sin + cos))
+        return height, width, *corner, cos, sin, 1.0 / cell

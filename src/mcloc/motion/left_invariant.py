@@ -12,12 +12,10 @@ from scipy.special import ndtri
 from mcloc.draws import Draws, Stream
 from mcloc.geometry import wrap
 from mcloc.kernels.jit import share
-from mcloc.kernels.moves import apply_moves, undo_moves
 from mcloc.registry import Configurable, param, parameters
 from mcloc.statespace import LogWeights, States
 
 LARGEST = 10.0  # of any deviation, in its own unit
-_BLOCK = 8192  # moves at a time: they stay in the cache until they are applied
 _WRAPS = 2.0 * np.pi * np.arange(-2, 3)
 
 
@@ -34,8 +32,8 @@ class LeftInvariant(Configurable, ABC):
 
     @abstractmethod
     def noise(self, u: NDArray[np.float64]) -> tuple[Any, tuple[float, ...]]:
-        """The kernel that draws moves, and the six numbers that it takes: the parts of u, of which
-        one can be driven the other way, and their deviations.
+        """The kernel that draws and applies moves, and the six numbers that it takes: the parts of
+        u, of which one can be driven the other way, and their deviations.
         """
 
     @abstractmethod
@@ -46,13 +44,13 @@ class LeftInvariant(Configurable, ABC):
 
     def sample(self, x: States, u: NDArray[np.float64], draws: Draws, first: int) -> States:
         """(3, n): x_t ~ p(x_t | u, x) for each column of x."""
-        return self._moved(apply_moves, x, u, draws, first)
+        return self._moved(0.0, x, u, draws, first)
 
     def sample_previous(
         self, x_new: States, u: NDArray[np.float64], draws: Draws, first: int
     ) -> States:
         """(3, n): x_{t−1} ~ p(x_new | u, x_{t−1}) / π(x_new | u): a move drawn and undone."""
-        return self._moved(undo_moves, x_new, u, draws, first)
+        return self._moved(1.0, x_new, u, draws, first)
 
     def log_pi(self, x_new: States, u: NDArray[np.float64]) -> LogWeights:
         """(n,): 0. The density is a function of ⊖x ⊕ x_new alone, and SE(2) is unimodular."""
@@ -89,22 +87,17 @@ class LeftInvariant(Configurable, ABC):
         return density
 
     def _moved(
-        self, apply: Any, x: States, u: NDArray[np.float64], draws: Draws, first: int
+        self, back: float, x: States, u: NDArray[np.float64], draws: Draws, first: int
     ) -> States:
-        n = x.shape[1]
-        draw, numbers = self.noise(u)
+        move, numbers = self.noise(u)
         reverse_below = float(ndtri(self.p_reverse))
-        use = int(Stream.MOTION), draws.step, draws.part, np.uint64(draws.seed)
-        out = np.empty((3, n))
+        counter = (first, int(Stream.MOTION), draws.step, draws.part, np.uint64(draws.seed))
+        x, out = np.ascontiguousarray(x), np.empty(x.shape)
 
         def run(start: int, stop: int) -> None:
-            moves = np.empty((3, min(_BLOCK, stop - start)))
-            for a in range(start, stop, _BLOCK):
-                b = min(a + _BLOCK, stop)
-                draw(moves, *numbers, reverse_below, (first + a, *use), b - a)
-                apply(x, moves, out, a, b)
+            move(x, out, numbers, reverse_below, back, counter, start, stop)
 
-        share(run, n, 11 * n)
+        share(run, x.shape[1], 8.0 * x.shape[1])
         return out
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.geometry import wrap
 from mcloc.kernels.moves import odometry_moves
 from mcloc.motion.left_invariant import LARGEST, LeftInvariant, log_wrapped_normal
 from mcloc.registry import param
@@ -52,12 +51,12 @@ class OdometryMotion(LeftInvariant):
         δ_rot1.
         """
         dx, dy, dtheta = (float(v) for v in u)
-        trans, rot1 = float(np.hypot(dx, dy)), float(np.arctan2(dy, dx))
+        trans, rot1 = math.hypot(dx, dy), math.atan2(dy, dx)
         if trans < self.sigma_trans_min:
             rot1 = 0.0
-        elif abs(rot1) > np.pi / 2:
-            trans, rot1 = -trans, float(wrap(rot1 + np.pi))
-        rot2 = float(wrap(dtheta - rot1))
+        elif abs(rot1) > math.pi / 2:
+            trans, rot1 = -trans, rot1 - math.copysign(math.pi, rot1)
+        rot2 = math.remainder(dtheta - rot1, 2.0 * math.pi)
         turned = abs(rot1) + abs(rot2)
         rot_min, drift = self.sigma_rot_min, self.alpha2 * trans
         return Decomposition(

@@ -5,9 +5,10 @@ Adapting the sample size in particle filters through KLD-sampling, IJRR 2003].
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mcloc.kernels.bins import BinCounter
+from mcloc.kernels.bins import Bins
 from mcloc.protocols import Counter
 from mcloc.registry import param
 from mcloc.sample_size.adaptive import Adaptive
@@ -36,28 +37,33 @@ class KLD(Adaptive):
 
     def bound(self, bins: int) -> float:
         """How many particles k occupied bins ask for."""
-        if bins <= 1:
-            return 1.0
-        a = 2.0 / (9.0 * (bins - 1))
+        return float(self.bounds(np.array([bins]))[0])
+
+    def bounds(self, bins: NDArray[np.int64]) -> NDArray[np.float64]:
+        """`bound` for each number of bins."""
+        more = np.maximum(bins - 1.0, 1.0)
+        a = 2.0 / (9.0 * more)
         z = float(ndtri(1.0 - self.delta))
-        return float((bins - 1) / (2.0 * self.epsilon) * (1.0 - a + np.sqrt(a) * z) ** 3)
+        wanted = more / (2.0 * self.epsilon) * (1.0 - a + np.sqrt(a) * z) ** 3
+        return np.where(bins <= 1, 1.0, wanted)
 
 
 class _KLDCounter:
-    def __init__(self, rule: KLD, sides: np.ndarray) -> None:
+    def __init__(self, rule: KLD, sides: NDArray[np.float64]) -> None:
         self.rule, self.drawn = rule, 0
-        self.bins = BinCounter(sides)
+        self.bins = Bins(sides, np.zeros(len(sides)))
 
     def enough(self, states: States, log_weights: LogWeights) -> int | None:
-        lowest, highest = self.rule.minimum, self.rule.maximum
-        occupied = self.bins.add(states)
-        numbers = self.drawn + 1 + np.arange(states.shape[1])
-        wanted = np.clip(self._bounds(occupied), lowest, highest)
-        met = np.flatnonzero(numbers >= wanted)
-        self.drawn += states.shape[1]
+        before, n = self.bins.known, states.shape[1]
+        # Bins are numbered as they are found: so many are occupied by each particle and those
+        # before it.
+        occupied = np.maximum(np.maximum.accumulate(self.bins.add(states)) + 1, before)
+        least = np.clip(
+            self.rule.bounds(np.arange(before, self.bins.known + 1)),
+            self.rule.minimum,
+            self.rule.maximum,
+        )
+        numbers = self.drawn + 1 + np.arange(n)
+        met = np.flatnonzero(numbers >= least[occupied - before])
+        self.drawn += n
         return int(met[0]) + 1 if len(met) else None
-
-    def _bounds(self, occupied: np.ndarray) -> np.ndarray:
-        """`bound` for each number of bins; they are few and repeat."""
-        distinct, where = np.unique(occupied, return_inverse=True)
-        return np.array([self.rule.bound(int(k)) for k in distinct])[where]

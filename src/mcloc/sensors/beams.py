@@ -31,11 +31,16 @@ class ScanModel(Configurable):
     def used_beams(self, z: Scan) -> NDArray[np.intp]:
         """Which beams of a scan are used."""
         n = len(z.ranges)
-        return np.unique(np.linspace(0, n - 1, min(n, self.max_beams)).round().astype(np.intp))
+        if n <= self.max_beams:
+            return np.arange(n)
+        # More than 1 apart, so no two are rounded to the same.
+        steps = np.arange(self.max_beams) * ((n - 1) / max(self.max_beams - 1, 1))
+        used: NDArray[np.intp] = np.rint(steps).astype(np.intp)
+        return used
 
     def tempering(self, z: Scan) -> float:
         """β: how much of an independent reading each used beam is worth."""
-        return self.readings(z) / max(len(self.used_beams(z)), 1)
+        return self.readings(z) / max(min(len(z.ranges), self.max_beams), 1)
 
     def readings(self, z: Scan) -> float:
         """effective_beams × novelty: the beams that a scan is worth, however many of them are

@@ -74,10 +74,12 @@ class LikelihoodField(ScanModel):
         out.
         """
         beams = self.used_beams(z)
-        ranges, angles = z.ranges[beams], z.angles[beams]
-        ok = z.returned[beams]
-        r, a = ranges[ok], angles[ok] + z.mount[2]
-        return np.stack([z.mount[0] + r * np.cos(a), z.mount[1] + r * np.sin(a)], axis=1)
+        beams = beams[z.returned[beams]]
+        r, a = z.ranges[beams], z.angles[beams] + z.mount[2]
+        points = np.empty((len(beams), 2))
+        points[:, 0] = z.mount[0] + r * np.cos(a)
+        points[:, 1] = z.mount[1] + r * np.sin(a)
+        return points
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
