@@ -1,13 +1,14 @@
 """Draws: distributions, independence, and invariance to chunks.
 
-Seeds are fixed; for a random one a Kolmogorov–Smirnov test would fail with probability 1e-4.
+Seeds are fixed; for a random one a Kolmogorov–Smirnov test would fail with probability 1e-4, and so
+would each test of ten million draws, all of its comparisons together.
 """
 
 import itertools
 
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 from mcloc.draws import Draws, Stream
 from mcloc.errors import ConfigError
@@ -69,6 +70,76 @@ def test_neighbouring_particles_are_independent():
     for lag in (1, 2, 3, 4, 8):
         correlation = np.corrcoef(u[:-lag], u[lag:])[0, 1]
         assert abs(correlation) < 4.5 / np.sqrt(len(u))
+
+
+USES = [  # seed, step, part and stream; each by itself another than in the first
+    (Draws(2026, 5, 0), Stream.MOTION),
+    (Draws(2027, 5, 0), Stream.MOTION),
+    (Draws(2026, 6, 0), Stream.MOTION),
+    (Draws(2026, 1_000_005, 0), Stream.MOTION),
+    (Draws(2026, 5, 1), Stream.MOTION),
+    (Draws(2026, 5, 2), Stream.MOTION),
+    *((Draws(2026, 5, 0), stream) for stream in Stream if stream != Stream.MOTION),
+]
+PARTICLES = 250_000
+LAGS = 0, 1, 2, 3, 4, 8, 16, 255, 256, 257, 4096
+
+
+@pytest.fixture(scope="module", params=["uniform", "normal"])
+def many(request):
+    """A distribution, and ten million draws of it: (40, 250,000), a row for each use and draw."""
+    rows = [getattr(draws, request.param)(stream, 0, PARTICLES) for draws, stream in USES]
+    assert np.size(rows) == 10_000_000
+    return request.param, np.concatenate(rows)
+
+
+def largest_by_chance(comparisons):
+    """What that many standard normals together exceed with P / 2, either way. The other half is for
+    sums of so many terms, which are nearly normal.
+    """
+    return norm.isf(P / 4.0 / comparisons)
+
+
+def standardized(name, rows, power):
+    """Powers of the draws less their mean, by their mean and deviation; those of u − ½."""
+    if name == "uniform":
+        mean = np.array([1.0, 0.0, 1 / 12, 0.0, 1 / 80, 0.0, 1 / 448, 0.0, 1 / 2304])
+        rows = rows - 0.5
+    else:
+        mean = np.array([1.0, 0.0, 1.0, 0.0, 3.0, 0.0, 15.0, 0.0, 105.0])
+    centred = rows**power - mean[power]
+    return centred / np.sqrt(mean[2 * power] - mean[power] ** 2)
+
+
+def test_ten_million_draws_are_distributed_as_they_should(many):
+    name, rows = many
+    assert kstest(rows.ravel(), {"uniform": "uniform", "normal": "norm"}[name]).pvalue > P
+
+
+def test_ten_million_draws_have_the_moments_that_they_should(many):
+    """The first four, of all together and of each of the four draws of a particle."""
+    name, rows = many
+    for power in (1, 2, 3, 4):
+        errors = standardized(name, rows, power)
+        sums = errors.reshape(len(USES), 4, PARTICLES).sum(axis=(0, 2))
+        found = np.append(sums / np.sqrt(rows.size / 4), sums.sum() / np.sqrt(rows.size))
+        assert np.abs(found).max() < largest_by_chance(4 * 5)
+
+
+@pytest.mark.parametrize("power", [1, 2], ids=["draws", "squares"])
+def test_ten_million_draws_are_independent(many, power):
+    """Of particles near to each other and far, from seed to seed, step to step, part to part and
+    use to use, and the four of one particle: correlations of all rows with all at all lags.
+    """
+    name, rows = many
+    values = standardized(name, rows, power)
+    pairs = len(LAGS) * len(rows) ** 2
+    for lag in LAGS:
+        n = PARTICLES - lag
+        correlation = values[:, lag:] @ values[:, :n].T / np.sqrt(n)
+        if lag == 0:
+            np.fill_diagonal(correlation, 0.0)
+        assert np.abs(correlation).max() < largest_by_chance(pairs)
 
 
 def test_of_part_changes_the_part_alone():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mcloc.errors import ConfigError
 from mcloc.kernels.jit import share
 from mcloc.kernels.normals import fill_normal
-from mcloc.kernels.philox import fill_uniform
+from mcloc.kernels.philox import fill_words
 
 
 class Stream(IntEnum):
@@ -44,14 +44,20 @@ class Draws:
 
     def uniform(self, stream: Stream, first: int, n: int) -> NDArray[np.float64]:
         """(4, n): four uniforms in (0, 1) for each of the particles first … first + n − 1."""
-        return self._fill(fill_uniform, stream, first, n)
+        words = np.empty((4, n), dtype=np.uint32)
+        self._fill(fill_words, words, stream, first)
+        uniform = words.astype(np.float64)
+        uniform += 0.5
+        uniform *= 2.0**-32
+        return uniform
 
     def normal(self, stream: Stream, first: int, n: int) -> NDArray[np.float64]:
         """(4, n): four standard normals for each of the particles first … first + n − 1."""
-        return self._fill(fill_normal, stream, first, n)
+        normal = np.empty((4, n))
+        self._fill(fill_normal, normal, stream, first)
+        return normal
 
-    def _fill(self, fill, stream: Stream, first: int, n: int) -> NDArray[np.float64]:  # type: ignore[no-untyped-def]
-        out = np.empty((4, n))
+    def _fill(self, fill, out, stream: Stream, first: int) -> None:  # type: ignore[no-untyped-def]
+        n = out.shape[1]
         counter = (first, int(stream), self.step, self.part, np.uint64(self.seed))
-        share(lambda start, stop: fill(out, *counter, start, stop), n, 40 * n)
-        return out
+        share(lambda start, stop: fill(out, *counter, start, stop), n, 5.0 * n)

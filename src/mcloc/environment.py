@@ -36,7 +36,7 @@ class FreeSpace(Configurable):
             raise MapError(
                 f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
-        self._table  # noqa: B018 - ready before threads ask for it
+        self.table  # noqa: B018 - ready before threads ask for it
 
     @cached_property
     def _cells(self) -> NDArray[np.int32]:
@@ -66,10 +66,11 @@ class FreeSpace(Configurable):
 
     def log_prior(self, x: States) -> LogWeights:
         """(n,): log p(x | m)."""
-        return self._table.at(x)
+        return self.table.at(x)
 
     @cached_property
-    def _table(self) -> CellTable:
+    def table(self) -> CellTable:
+        """log p(x | m) by cell."""
         values = np.log([1.0, self.p_unknown, self.p_occupied])
         which = np.where(self.grid.unknown, np.uint8(1), np.uint8(2))
         which[self.grid.free] = 0

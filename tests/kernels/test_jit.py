@@ -3,8 +3,10 @@
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -35,6 +37,69 @@ def test_an_error_in_a_thread_is_raised(set_threads):
         jit.share(run, 1000, 10 * jit.SERIAL_BELOW)
 
 
+NESTED = """
+import threading
+import numpy as np
+from mcloc.kernels import jit
+
+jit.set_threads({threads})
+done, strangers = np.zeros((40, 60), dtype=int), []
+
+def outer(start, stop):
+    mine = threading.get_ident()
+
+    def inner(a, b):
+        done[i, a:b] += 1
+        if {threads} > 1 and threading.get_ident() != mine:
+            strangers.append(i)
+
+    for i in range(start, stop):
+        jit.share(inner, 60, 10 * jit.SERIAL_BELOW)
+
+jit.share(outer, 40, 10 * jit.SERIAL_BELOW)
+jit.share(outer, 40, 10 * jit.SERIAL_BELOW)
+print((done == 2).all(), strangers)
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_what_is_shared_may_share_in_turn(threads):
+    """All of it once, each part by the thread that it falls to. In a process of its own, since
+    threads that wait for each other would wait for ever.
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", NESTED.format(threads=threads)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    assert run.stdout == "True []\n"
+
+
+def test_what_is_shared_first_within_no_share_is_shared(set_threads):
+    """A thread of the pool has shared before; the one that asks has not."""
+    set_threads(2)
+    for _ in range(2):
+        threads = set()
+        at_once = threading.Barrier(2)
+
+        def run(start, stop, threads=threads, at_once=at_once):
+            at_once.wait(timeout=60)
+            threads.add(threading.get_ident())
+
+        jit.share(run, 1000, 10 * jit.SERIAL_BELOW)
+        assert len(threads) == 2
+        assert threading.get_ident() not in threads
+
+
+def test_little_work_is_done_by_the_thread_that_asks(set_threads):
+    set_threads(2)
+    calls = []
+    jit.share(lambda a, b: calls.append((a, b, threading.get_ident())), 1000, 1.0)
+    assert calls == [(0, 1000, threading.get_ident())]
+
+
 def test_numbers_do_not_depend_on_threads(set_threads):
     n = jit.SERIAL_BELOW  # 40 units of work each: enough for every thread
     results = []
@@ -60,6 +125,22 @@ def test_kernels_are_right_without_the_jit_too():
         check=False,
     )
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
+
+
+def test_a_kernel_works_where_nothing_can_be_kept(monkeypatch):
+    """Numba says so by an error when caching is asked for."""
+
+    def refuse(self):
+        raise RuntimeError("cannot cache function 'doubled': no locator available")
+
+    def doubled(x):
+        for i in range(len(x)):
+            x[i] *= 2.0
+
+    monkeypatch.setattr(numba.core.dispatcher.Dispatcher, "enable_caching", refuse)
+    x = np.ones(3)
+    jit.kernel(doubled)(x)
+    assert x.tolist() == [2.0] * 3
 
 
 ONE_RUN = """

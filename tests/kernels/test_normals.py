@@ -21,7 +21,7 @@ def drawn(n):
     """Normals (4, n), and the words (4, n) that they are made of."""
     normals, words = np.empty((4, n)), np.empty((4, n), dtype=np.uint32)
     fill_normal(normals, *COUNTER, 0, n)
-    fill_words(words, n, *COUNTER)
+    fill_words(words, *COUNTER, 0, n)
     return normals, words
 
 

@@ -1,4 +1,6 @@
-"""Expected ranges against the simulator's own ray caster, which is plain NumPy."""
+"""Expected ranges against the simulator's own ray caster, which is plain NumPy; in
+tests/kernels/test_raycast.py against exact arithmetic.
+"""
 
 from dataclasses import replace
 
@@ -108,6 +110,27 @@ def test_agrees_with_the_simulator_on_a_floor_of_offices():
     assert_agree(world, local, np.linspace(-2.0, 2.0, 41), 10.0)
 
 
+@pytest.mark.parametrize("beams", [1, 255, 256, 257, 600])
+def test_agrees_with_the_simulator_whatever_the_number_of_beams(beams):
+    """Rays are cast 256 at a time: from the middle of a scan on, and of poses on and off the map
+    together.
+    """
+    rng = np.random.default_rng(beams)
+    grid = random_grid(rng, (40, 50), walls=0.03, unknown=0.01, origin=(-3.0, 8.0, 2.2))
+    local = rng.uniform([-1.0, -1.0, -np.pi], [6.0, 5.0, np.pi], (30, 3))
+    angles = np.linspace(-np.pi, np.pi, beams, endpoint=False)
+    assert_agree(grid, local, angles, 2.5, (0.1, 0.03, -0.4))
+
+
+def test_nobody_sees_nothing():
+    caster, table = RayCaster(one_room()), np.ones((3, 200), dtype=np.float32)
+    x, angles = np.empty((3, 0)), [-0.1, 0.0, 0.1]
+    assert caster.ranges(x, np.zeros(3), angles, 9.0).shape == (0, 3)
+    assert caster.sum(x, np.zeros(3), angles, 9.0, table, 0.05).shape == (0,)
+    blind = caster.sum(np.ones((3, 4)), np.zeros(3), [], 9.0, table[:0], 0.05)
+    assert blind.tolist() == [0.0] * 4
+
+
 def test_leaps_change_nothing():
     """The same ranges, to rounding, as from cell to cell."""
     world = office_world(3)
@@ -196,11 +219,13 @@ def test_the_sum_is_that_of_a_table_over_the_ranges():
     assert caster.sum(x, mount, angles, reach, table, spacing) == pytest.approx(total, abs=1e-5)
 
 
-def test_no_number_of_threads_changes_a_bit(monkeypatch):
+@pytest.mark.parametrize("beams", [1, 7, 300])
+def test_no_number_of_threads_changes_a_bit(monkeypatch, beams):
     monkeypatch.setattr(jit, "SERIAL_BELOW", 0)
     world, before = office_world(1), jit._threads
-    x = np.random.default_rng(7).uniform([0, 0, -3], [20, 15, 3], (101, 3)).T.copy()
-    angles, table = np.linspace(-1.5, 1.5, 7), np.ones((7, 500), dtype=np.float32).cumsum(axis=1)
+    x = np.random.default_rng(7).uniform([-1, -1, -3], [21, 16, 3], (101, 3)).T.copy()
+    angles = np.linspace(-1.5, 1.5, beams)
+    table = np.ones((beams, 500), dtype=np.float32).cumsum(axis=1)
     found = []
     try:
         for threads in (1, 3):

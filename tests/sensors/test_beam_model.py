@@ -100,7 +100,7 @@ def test_the_table_errs_by_less_than_it_says(name, sigma):
     model = SENSORS.make(name, room(), sigma_hit=sigma)
     knot = sigma / 4.0
     readings = np.array([0.5, 1.234, 3.0, 6.1, REACH])
-    table = model._log_table(readings, REACH).astype(float)
+    table = model.log_table(readings, REACH).astype(float)
     e = knot * (np.arange(table.shape[1] - 3) + 0.5)
     exactly = np.log(model.density(readings[:, None], e, REACH))
     peak = np.log([[best_density(model, np.array(r), REACH)] for r in readings])

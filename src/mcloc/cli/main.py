@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mcloc import __version__
+from mcloc.cli.bench import WithLists, bench
 from mcloc.cli.eval import evaluate_files
 from mcloc.cli.info import show_info
 from mcloc.cli.models import show_models
@@ -66,6 +67,7 @@ app.command("eval")(evaluate_files)
 app.command("info")(show_info)
 app.command("simulate")(simulate_drive)
 app.command("models")(show_models)
+app.command("bench", cls=WithLists)(bench)
 
 
 @app.callback()

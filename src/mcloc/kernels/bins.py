@@ -68,6 +68,23 @@ def number_bins(keys, first, table, distinct, seen, labels, known):  # type: ign
     return known, len(keys)
 
 
+@kernel
+def first_enough(labels, known, numbered, least):  # type: ignore[no-untyped-def]
+    """The first of the particles labelled (n,) by which there are as many as their bins ask for,
+    −1 for none.
+
+    known: bins before them; numbered: particles before them. least (…,): how many particles known,
+    known + 1 … bins ask for.
+    """
+    occupied = known
+    for i in range(len(labels)):
+        if labels[i] >= occupied:
+            occupied = labels[i] + 1
+        if numbered + i + 1 >= least[occupied - known]:
+            return i
+    return -1
+
+
 class Bins:
     """The bins that the states added so far occupy.
 

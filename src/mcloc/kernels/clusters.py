@@ -3,8 +3,6 @@
 2013].
 """
 
-import numpy as np
-
 from mcloc.kernels.jit import kernel
 
 
@@ -13,12 +11,17 @@ def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type:
     """out (K, M): the index of the bin at each offset (M, D) from each bin (D, K), −1 where it is
     empty.
 
-    keys (K,): sorted, Σ_d coordinate_d · stride_d. periods (D,): bins around a circular axis, 0 for
+    keys (K,): sorted, Σ_d coordinate_d · stride_d. offsets: each at the other end of the table from
+    its opposite. periods (D,): bins around a circular axis, 0 for
     a straight one.
     """
-    n = len(keys)
-    for m in range(offsets.shape[0]):
+    n, count = len(keys), len(offsets)
+    for m in range(
+        (count + 1) // 2
+    ):  # the other half are the same pairs, seen from their other end
         near = 0  # keys rise, so do those looked for, but at the seam of a circular axis
+        for k in range(n):
+            out[k, m] = out[k, count - 1 - m] = -1
         for k in range(n):
             key = 0
             for d in range(len(periods)):
@@ -31,8 +34,24 @@ def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type:
                 near += 1
                 steps += 1
             if near == n or keys[near] < key or (near > 0 and keys[near - 1] >= key):
-                near = int(np.searchsorted(keys, key))
-            out[k, m] = near if near < n and keys[near] == key else -1
+                near = _bisected(keys, key)
+            if near < n and keys[near] == key:
+                out[k, m], out[near, count - 1 - m] = near, k
+
+
+@kernel
+def _bisected(keys, key):  # type: ignore[no-untyped-def]
+    """The first of the sorted keys that is not below the key (half as long to compile as
+    NumPy's).
+    """
+    low, high = 0, len(keys)
+    while low < high:
+        middle = (low + high) // 2
+        if keys[middle] < key:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @kernel

@@ -29,7 +29,9 @@ def add_moments(states, weights, labels, reference, circular, sums, first, stop)
     for begin in range(first, stop, _TOGETHER):
         end = min(begin + _TOGETHER, stop)
         w, label = weights[begin:end], labels[begin:end]
-        terms[0, : len(w)] = w
+        mass = terms[0]
+        for i in range(len(w)):
+            mass[i] = w[i]
         row, angle = 1 + dimension, 1 + dimension + pairs
         for a in range(dimension):
             x, known, off, moment = states[a, begin:end], reference[a], d[a], terms[1 + a]

@@ -73,7 +73,7 @@ def four_normals(words, normals, n, first, stream, step, part, key):  # type: ig
     """normals (4, ≥ n) float32: of the particles first … first + n − 1. words (4, ≥ n) uint32: room
     for theirs.
     """
-    fill_words(words, n, first, stream, step, part, key)
+    fill_words(words, first, stream, step, part, key, 0, n)
     for pair in range(2):
         word0, word1 = words[2 * pair], words[2 * pair + 1]
         normal0, normal1 = normals[2 * pair], normals[2 * pair + 1]
@@ -88,4 +88,7 @@ def fill_normal(out, first, stream, step, part, key, start, stop):  # type: igno
     for begin in range(start, stop, TOGETHER):
         n = min(TOGETHER, stop - begin)
         four_normals(words, normals, n, first + begin, stream, step, part, key)
-        out[:, begin : begin + n] = normals[:, :n]
+        for k in range(4):
+            row, normal = out[k, begin:stop], normals[k]
+            for i in range(n):
+                row[i] = normal[i]

@@ -15,7 +15,6 @@ _W0 = np.uint64(0x9E3779B9)
 _W1 = np.uint64(0xBB67AE85)
 _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
-_TO_UNIT = 2.0**-32
 
 
 @scalar
@@ -38,26 +37,11 @@ def philox(c0, c1, c2, c3, key):  # type: ignore[no-untyped-def]
     return a, b, c, d
 
 
-@scalar
-def unit(word):  # type: ignore[no-untyped-def]
-    """A 32-bit word as a number in (0, 1), never 0 and never 1."""
-    return (np.float64(word) + 0.5) * _TO_UNIT
-
-
 @kernel
-def fill_words(out, n, first, stream, step, part, key):  # type: ignore[no-untyped-def]
-    """out (4, ≥ n) uint32: the words of the particles first … first + n − 1."""
-    w, x, y, z = out[0], out[1], out[2], out[3]
-    for i in range(n):
-        a, b, c, d = philox(first + i, stream, step, part, key)
-        w[i], x[i], y[i], z[i] = np.uint32(a), np.uint32(b), np.uint32(c), np.uint32(d)
-
-
-@kernel
-def fill_uniform(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
-    """out (4, n): uniforms in (0, 1) of the particles first + start … first + stop − 1."""
+def fill_words(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
+    """out (4, N) uint32: the words of the particles first + start … first + stop − 1."""
     # Rows cut to size first: a loop from 0 over them is one that the compiler vectorises.
     w, x, y, z = out[0, start:stop], out[1, start:stop], out[2, start:stop], out[3, start:stop]
-    for i in range(stop - start):
+    for i in range(len(w)):
         a, b, c, d = philox(first + start + i, stream, step, part, key)
-        w[i], x[i], y[i], z[i] = unit(a), unit(b), unit(c), unit(d)
+        w[i], x[i], y[i], z[i] = np.uint32(a), np.uint32(b), np.uint32(c), np.uint32(d)

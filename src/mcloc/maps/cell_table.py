@@ -36,8 +36,17 @@ class CellTable:
         """values: (V,) finite; which: (height + 2 m, width + 2 m), the index of each cell's."""
         largest = float(values.max())
         step = (largest - float(values.min())) / STEPS or 1.0
-        codes = np.rint((largest - values) / step).astype(np.uint16)
-        return cls(grid, codes.take(which), largest, step)
+        code_of = np.rint((largest - values) / step).astype(np.uint16)
+        codes = np.empty(which.shape, dtype=np.uint16)
+
+        def run(start: int, stop: int) -> None:
+            # NumPy makes wider indices of these: a few rows at a time, which stay in the cache.
+            for a in range(start, stop, 16):
+                b = min(a + 16, stop)
+                np.take(code_of, which[a:b], out=codes[a:b], mode="clip")
+
+        share(run, len(which), 2.0 * which.size)
+        return cls(grid, codes, largest, step)
 
     def summed(self, points: NDArray[np.float64]) -> Callable[[States], NDArray[np.float64]]:
         """x (3, n) -> (n,): Σ over the points (B, 2), metres in the robot's frame, of the value of
@@ -46,7 +55,7 @@ class CellTable:
         Cells are found in float32: a point within 2⁻²² of the map's size to the border between two
         may be taken for one of the other.
         """
-        cell, flat, frame = self.grid.resolution, self.codes.ravel(), self._frame
+        cell, flat, frame = self.grid.resolution, self.codes.ravel(), self.frame
         # Rounded up to whole vectors of 16; the rest of a loop takes as long as one of them.
         in_cells = np.zeros((2, -(-len(points) // 16) * 16), dtype=np.float32)
         in_cells[:, : len(points)] = points.T / cell
@@ -67,7 +76,7 @@ class CellTable:
 
     def at(self, x: States) -> NDArray[np.float64]:
         """(n,): the value of the cell that each place x (3, n) lies in."""
-        flat, frame = self.codes.ravel(), self._frame
+        flat, frame = self.codes.ravel(), self.frame
         out = np.empty(x.shape[1])
         share(lambda a, b: look_up(x, flat, frame, out, a, b), len(out), 2.0 * len(out))
         out *= -self.step
@@ -75,7 +84,7 @@ class CellTable:
         return out
 
     @cached_property
-    def _frame(self) -> tuple[int, int, float, float, float, float, float]:
+    def frame(self) -> tuple[int, int, float, float, float, float, float]:
         """Of the table, as the kernels take it."""
         (ox, oy, yaw), cell = self.grid.origin, self.grid.resolution
         cos, sin = float(np.cos(yaw)), float(np.sin(yaw))

@@ -38,7 +38,7 @@ class RangeTable:
     memory: float
 
     def __post_init__(self) -> None:
-        self._rows  # noqa: B018 - ready before threads ask for it
+        self.rows  # noqa: B018 - ready before threads ask for it
 
     def sum(
         self,
@@ -58,7 +58,7 @@ class RangeTable:
         turns = np.zeros(-(-len(directions) // 16) * 16, dtype=np.float32)
         turns[: len(directions)] = np.mod(directions, self.angles)
         turns[turns >= self.angles] = 0.0  # rounded up
-        row_of, rows = self._rows
+        row_of, rows = self.rows
         begins = (which * log_p.shape[1]).astype(np.uint64)
         height, width, *corner, cos, sin, per_cell = self.caster.frame
         frame = (height, width, *corner, cos, sin, float(self.caster.grid.origin[2]), per_cell)
@@ -94,7 +94,7 @@ class RangeTable:
         return int(self.caster.farthest(np.inf) / self.spacing) + 2
 
     @cached_property
-    def _rows(self) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
+    def rows(self) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
         """Which row belongs to each cell of the map and its ring; the rows, one after the other."""
         grid = self.caster.grid
         stops = self.caster.stops.ravel()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mcloc.kernels.bins import Bins
+from mcloc.kernels.bins import Bins, first_enough
 from mcloc.protocols import Counter
 from mcloc.registry import param
 from mcloc.sample_size.adaptive import Adaptive
@@ -54,16 +54,11 @@ class _KLDCounter:
         self.bins = Bins(sides, np.zeros(len(sides)))
 
     def enough(self, states: States, log_weights: LogWeights) -> int | None:
-        before, n = self.bins.known, states.shape[1]
-        # Bins are numbered as they are found: so many are occupied by each particle and those
-        # before it.
-        occupied = np.maximum(np.maximum.accumulate(self.bins.add(states)) + 1, before)
-        least = np.clip(
-            self.rule.bounds(np.arange(before, self.bins.known + 1)),
-            self.rule.minimum,
-            self.rule.maximum,
-        )
-        numbers = self.drawn + 1 + np.arange(n)
-        met = np.flatnonzero(numbers >= least[occupied - before])
-        self.drawn += n
-        return int(met[0]) + 1 if len(met) else None
+        before, drawn = self.bins.known, self.drawn
+        # Numbered as they are found, so a number tells how many bins there were before.
+        labels = self.bins.add(states)
+        asked = self.rule.bounds(np.arange(before, self.bins.known + 1))
+        least = np.clip(asked, self.rule.minimum, self.rule.maximum)
+        self.drawn += states.shape[1]
+        met = first_enough(labels, before, drawn, least)
+        return None if met < 0 else met + 1

@@ -66,7 +66,7 @@ class BeamModel(ScanModel, ABC):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.ranges == "table":
-            self._range_table  # noqa: B018 - a table that is too large is refused here
+            self.range_table  # noqa: B018 - a table that is too large is refused here
 
     @abstractmethod
     def mixture(
@@ -90,7 +90,7 @@ class BeamModel(ScanModel, ABC):
 
     def reach(self, range_max: float) -> float:
         """Metres: a scan's range_max, or where that states no limit, the map's diagonal."""
-        return range_max if range_max <= FARTHEST else self._rays.farthest(range_max)
+        return range_max if range_max <= FARTHEST else self.rays.farthest(range_max)
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
@@ -98,11 +98,11 @@ class BeamModel(ScanModel, ABC):
         beams = beams[z.returned[beams] | (z.ranges[beams] >= reach)]
         readings, angles = z.ranges[beams], z.angles[beams]
         if self.ranges == "table":
-            log_p, which = self._looked_up(reach), self._nearest(readings, reach)
-            total = self._range_table.sum(x, z.mount, angles, log_p, which)
+            log_p, which = self.log_of_knots(reach), self.nearest_knots(readings, reach)
+            total = self.range_table.sum(x, z.mount, angles, log_p, which)
         else:
-            table = self._log_table(readings, reach)
-            total = self._rays.sum(x, z.mount, angles, reach, table, self._spacing)
+            table = self.log_table(readings, reach)
+            total = self.rays.sum(x, z.mount, angles, reach, table, self.spacing)
         return total * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
@@ -113,47 +113,47 @@ class BeamModel(ScanModel, ABC):
         beams = beams[z.returned[beams]]
         if len(beams) == 0:
             return np.full(x.shape[1], np.nan)
-        expected = self._rays.ranges(x, z.mount, z.angles[beams], z.range_max)
+        expected = self.rays.ranges(x, z.mount, z.angles[beams], z.range_max)
         near: NDArray[np.float64] = np.mean(
             np.abs(expected - z.ranges[beams]) <= 3.0 * self.sigma_hit, axis=1
         )
         return near
 
     @property
-    def _spacing(self) -> float:
+    def spacing(self) -> float:
         return self.sigma_hit / KNOTS_PER_SIGMA
 
     @cached_property
-    def _rays(self) -> RayCaster:
+    def rays(self) -> RayCaster:
         return RayCaster(self.grid, self.sigma_hit)
 
     @cached_property
-    def _range_table(self) -> RangeTable:
-        return RangeTable(self._rays, self.table_angles, self._spacing, self.table_memory)
+    def range_table(self) -> RangeTable:
+        return RangeTable(self.rays, self.table_angles, self.spacing, self.table_memory)
 
-    def _looked_up(self, reach: float) -> NDArray[np.float32]:
+    def log_of_knots(self, reach: float) -> NDArray[np.float32]:
         """log p of every reading that is a knot, and of no return, for `RangeTable.sum`."""
         tables = self._tables
         if reach not in tables:
-            knots = self._spacing * np.arange(int(np.ceil(reach / self._spacing)))
-            table = self._log_table(np.append(knots, reach), reach)
-            tables[reach] = self._range_table.spread(table, reach)
+            knots = self.spacing * np.arange(int(np.ceil(reach / self.spacing)))
+            table = self.log_table(np.append(knots, reach), reach)
+            tables[reach] = self.range_table.spread(table, reach)
         return tables[reach]
 
     @cached_property
     def _tables(self) -> dict[float, NDArray[np.float32]]:
         return {}
 
-    def _nearest(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
+    def nearest_knots(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
         """Which row of that each reading has."""
-        rows = int(np.ceil(reach / self._spacing))
-        knot = np.minimum(np.rint(np.minimum(readings, reach) / self._spacing), rows - 1)
+        rows = int(np.ceil(reach / self.spacing))
+        knot = np.minimum(np.rint(np.minimum(readings, reach) / self.spacing), rows - 1)
         return np.where(readings < reach, knot, rows).astype(np.intp)
 
-    def _log_table(self, readings: NDArray[np.float64], range_max: float) -> NDArray[np.float32]:
+    def log_table(self, readings: NDArray[np.float64], range_max: float) -> NDArray[np.float32]:
         """(B, K + 2): log p of each reading over the expected range, as RayCaster.sum wants it."""
-        knots = 2 + int(self._rays.farthest(range_max) / self._spacing)
-        expected = np.concatenate([self._spacing * np.arange(knots), [np.inf, np.nan]])
+        knots = 2 + int(self.rays.farthest(range_max) / self.spacing)
+        expected = np.concatenate([self.spacing * np.arange(knots), [np.inf, np.nan]])
         p = self.density(readings[:, None], expected, range_max)
         # The best expected range may lie between knots, or beyond what this map has to offer.
         just_behind = np.nextafter(readings, np.inf)[:, None]

@@ -44,6 +44,11 @@ class LikelihoodField(ScanModel):
         super().__post_init__()
         self._tables  # noqa: B018 - ready before the first scan, and before threads ask for it
 
+    @property
+    def table(self) -> CellTable:
+        """log p of a beam that ends in a cell."""
+        return self._tables[0]
+
     @cached_property
     def _tables(self) -> tuple[CellTable, CellTable]:
         """log p of a beam that ends in a cell; 1 within 3 σ_hit of a wall, else 0.
@@ -83,7 +88,7 @@ class LikelihoodField(ScanModel):
 
     def log_likelihood(self, x: States, z: Scan) -> LogWeights:
         """(n,): log p(z | x), 0 for a perfect scan."""
-        return self._tables[0].summed(self.endpoints(z))(x) * self.tempering(z)
+        return self.table.summed(self.endpoints(z))(x) * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
         """(n,): the share of returns that end within 3 σ_hit of a wall; NaN for a scan without
