@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcloc.kernels.bins import Bins
 from mcloc.kernels.clusters import find_neighbours, join_hills, smooth
-from mcloc.kernels.moments import moments_of_bins, moments_of_groups
+from mcloc.kernels.moments import moments_of_bins
 from mcloc.particles import Particles
 from mcloc.statespace import StateSpace
 
@@ -104,11 +104,35 @@ class _Histogram:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (G, D) and covariances (G, D, D) of the particles in groups of bins, circular where
         the space is. group: (K,) of each bin, from 0; < 0 for none.
+
+        With e = reference − mean, Σ w (d + e)(d + e)ᵀ is over the particles of a bin Σ w d dᵀ +
+        e Σ w dᵀ + Σ w d eᵀ + e eᵀ Σ w.
         """
-        d = len(self.circular)
-        mean, covariance = np.empty((groups, d)), np.empty((groups, d, d))
-        moments_of_groups(self.sums, self.reference, self.circular, group, mean, covariance)
-        return mean, covariance
+        d, circular = len(self.circular), self.circular
+        bins = np.argsort(group, kind="stable")[np.count_nonzero(group < 0) :]
+        group, sums, reference = group[bins], self.sums[bins], self.reference[:, bins].T
+        starts = np.searchsorted(group, np.arange(groups))
+        weight, first = sums[:, 0], sums[:, 1 : 1 + d]
+        totals = np.add.reduceat(sums, starts)
+        share, angle = totals[:, 0], 1 + d + d * (d + 1) // 2
+        mean = np.add.reduceat(first + weight[:, None] * reference, starts) / share[:, None]
+        mean[:, circular] = np.arctan2(totals[:, angle::2], totals[:, angle + 1 :: 2])[
+            :, : int(circular.sum())
+        ]
+        e = reference - mean[group]
+        e[:, circular] -= 2.0 * np.pi * np.rint(e[:, circular] / (2.0 * np.pi))
+        crossed = e[:, :, None] * (first + 0.5 * weight[:, None] * e)[:, None, :]
+        moments = sums[:, 1 + d + _pairs(d)] + crossed + crossed.transpose(0, 2, 1)
+        return mean, np.add.reduceat(moments, starts) / share[:, None, None]
+
+
+@cache
+def _pairs(dimension: int) -> NDArray[np.intp]:
+    """(D, D): where the moment of two axes stands among those of all pairs b ≤ a."""
+    a, b = np.indices((dimension, dimension))
+    high, low = np.maximum(a, b), np.minimum(a, b)
+    pairs: NDArray[np.intp] = high * (high + 1) // 2 + low
+    return pairs
 
 
 @cache

@@ -384,3 +384,17 @@ def test_a_filter_steps_with_every_sensor_and_filter_for_people(name, people, z)
     assert np.isfinite(new.particles.states).all()
     assert new.particles.weights.sum() == pytest.approx(1.0)
     assert info.filtered == 0.0 or people != "none"
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [(name, {}) for name in REGISTRIES["sensor"]]
+    + [("beam-yee", {"ranges": "table", "table_angles": angles}) for angles in (4, 7, 180)],
+)
+def test_no_pose_is_too_odd_for_a_sensor(name, settings, z):
+    """Kernels index memory by what they compute from poses: none may lead out of it."""
+    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e18, 1e5, -1e5, 0.0, np.pi, -np.pi, 7.0]
+    x = np.array(np.meshgrid(odd, odd, odd)).reshape(3, -1)
+    with np.errstate(all="ignore"):
+        log_p = build("sensor", name, **settings).log_likelihood(x, z)
+    assert np.isfinite(log_p).all()

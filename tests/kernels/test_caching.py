@@ -16,12 +16,11 @@ PROGRAM = """
 import numpy as np
 import mcloc
 from mcloc.kernels.compiling import announced
-from mcloc.kernels.weights import exponentials
+from mcloc.kernels.weights import log_sums
 
-out = np.empty((3, 2))
 with announced(lambda: print("compiling")):
-    exponentials(np.array([0.0, -1.0]), *out, 0, 1)
-print(mcloc.__file__, round(float(out[0, 1]), 3))
+    _, (total,) = log_sums(np.array([0.0, -1.0]), np.zeros(2), 0.0)
+print(mcloc.__file__, round(float(np.exp(total)), 3))
 """
 
 pytestmark = pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
@@ -36,10 +35,11 @@ def copied(folder: Path) -> Path:
 
 def run(program: str, package: Path, **more) -> str:
     """What it prints, with mcloc from a folder."""
-    env = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "PYTHONPATH")}
+    env = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    path = os.pathsep.join(filter(None, [str(package), env.get("PYTHONPATH")]))
     return subprocess.run(
         [sys.executable, "-c", program],
-        env={**env, "PYTHONPATH": str(package), **more.pop("env", {})},
+        env={**env, "PYTHONPATH": path, **more.pop("env", {})},
         cwd=package,
         capture_output=True,
         text=True,
@@ -52,15 +52,15 @@ def run(program: str, package: Path, **more) -> str:
 def test_what_is_compiled_is_kept_until_a_file_of_kernels_changes(tmp_path: Path) -> None:
     """Any file of them: what is part of a kernel may be written down in another."""
     package = copied(tmp_path)
-    printed = f"{package / 'mcloc' / '__init__.py'} 0.368\n"
+    printed = f"{package / 'mcloc' / '__init__.py'} 1.368\n"
     assert run(PROGRAM, package) == f"compiling\n{printed}"
-    assert list((package / "mcloc" / "kernels" / "__pycache__").glob("weights.exponentials*.nbc"))
+    assert list((package / "mcloc" / "kernels" / "__pycache__").glob("weights.summed*.nbc"))
     assert run(PROGRAM, package) == printed
     elementary = package / "mcloc" / "kernels" / "elementary.py"
     text = elementary.read_text()
     assert text.count("return 0.0 if x < _LEAST else p * power") == 1
     elementary.write_text(text.replace("else p * power", "else 2.0 * p * power"))
-    assert run(PROGRAM, package) == f"compiling\n{printed.replace('0.368', '0.736')}"
+    assert run(PROGRAM, package) == f"compiling\n{printed.replace('1.368', '2.736')}"
 
 
 def can_run_as_nobody() -> bool:
@@ -92,8 +92,8 @@ def test_a_user_who_may_not_write_there_has_a_cache_of_his_own() -> None:
             "extra_groups": [],
             "env": {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")},
         }
-        printed = f"{package / 'mcloc' / '__init__.py'} 0.368\n"
+        printed = f"{package / 'mcloc' / '__init__.py'} 1.368\n"
         assert run(PROGRAM, package, **as_nobody) == f"compiling\n{printed}"
-        assert list((home / "cache").rglob("weights.exponentials*.nbc"))
+        assert list((home / "cache").rglob("weights.summed*.nbc"))
         assert not list(package.rglob("*.nbc"))
         assert run(PROGRAM, package, **as_nobody) == printed

@@ -1,6 +1,5 @@
 """Leaps against what the cones of rays hold, cell by cell; and against rays themselves."""
 
-import os
 from fractions import Fraction
 
 import numpy as np
@@ -18,7 +17,6 @@ from mcloc.kernels.cones import (
     leaps_of,
 )
 
-AS_PYTHON = "NUMBA_DISABLE_JIT" in os.environ
 SHAPES = [(1, 1), (1, 9), (9, 1), (2, 2), (5, 8), (12, 7)]
 
 
@@ -114,7 +112,6 @@ def test_stops_are_told_apart():
     assert (leaps[[0, 3]] == UNKNOWN).all()
 
 
-@pytest.mark.skipif(AS_PYTHON, reason="600,000 cells take a minute as plain Python")
 def test_an_empty_map_larger_than_the_largest_leap():
     """Its cones end at its ring, or where leaps are counted no farther."""
     stops = ringed(np.full((290, 275), PASSABLE))

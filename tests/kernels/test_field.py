@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcloc.geometry import compose
-from mcloc.kernels.field import FOUR, sum_over_points
+from mcloc.kernels.field import FOUR, room_for, sum_over_points
 from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
 
@@ -59,7 +59,7 @@ def test_any_split_gives_the_same_bits(beams):
     table = rng.integers(0, 65536, 100).astype(np.uint16)
     frame = (10, 10, -0.1, -0.1, np.cos(0.2), np.sin(0.2), 10.0)
     whole, split = np.empty(50), np.empty(50)
-    sum_over_points(x, points, beams, table, frame, FOUR, whole, 0, 50)
+    sum_over_points(x, points, beams, table, frame, FOUR, *room_for(48), whole, 0, 50)
     for start, stop in ((0, 1), (1, 30), (30, 50)):
-        sum_over_points(x, points, beams, table, frame, FOUR, split, start, stop)
+        sum_over_points(x, points, beams, table, frame, FOUR, *room_for(48), split, start, stop)
     assert np.array_equal(whole, split)

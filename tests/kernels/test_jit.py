@@ -100,9 +100,9 @@ def test_little_work_is_done_by_the_thread_that_asks(set_threads):
     assert calls == [(0, 1000, threading.get_ident())]
 
 
-def test_numbers_do_not_depend_on_threads(set_threads):
-    n = jit.SERIAL_BELOW  # 40 units of work each: enough for every thread
-    results = []
+def test_numbers_do_not_depend_on_threads(monkeypatch, set_threads):
+    monkeypatch.setattr(jit, "SERIAL_BELOW", 0)
+    n, results = 5003, []
     for threads in (1, 2, 3):
         set_threads(threads)
         results.append(Draws(1, 2, 3).normal(Stream.MOTION, 5, n))

@@ -6,6 +6,7 @@ import pytest
 from mcloc.draws import Draws, Stream
 from mcloc.geometry import compose, wrap
 from mcloc.kernels.moves import arc_moves, odometry_moves, omnidirectional_moves
+from mcloc.kernels.normals import room
 
 FIRST, SECOND, THIRD = 0.3, 0.8, -0.5
 SD = (0.1, 0.05, 0.2)
@@ -15,7 +16,7 @@ def moved(kernel, x, numbers=(FIRST, SECOND, THIRD, *SD), reverse_below=-np.inf,
     """x (3, N) moved, or where it was before."""
     out = np.empty(x.shape)
     counter = (11, int(Stream.MOTION), 4, 1, np.uint64(8))
-    kernel(x, out, numbers, reverse_below, back, counter, 0, x.shape[1])
+    kernel(x, out, numbers, reverse_below, back, counter, *room(), 0, x.shape[1])
     return out
 
 
@@ -102,5 +103,5 @@ def test_any_split_gives_the_same_bits(kernel):
     counter = (11, int(Stream.MOTION), 4, 1, np.uint64(8))
     split = np.empty(x.shape)
     for start, stop in ((0, 1), (1, 300), (300, 700)):
-        kernel(x, split, (FIRST, SECOND, THIRD, *SD), -np.inf, 0.0, counter, start, stop)
+        kernel(x, split, (FIRST, SECOND, THIRD, *SD), -np.inf, 0.0, counter, *room(), start, stop)
     assert np.array_equal(moved(kernel, x), split)

@@ -1,4 +1,6 @@
-"""Philox4x32-10 against the known answers of Random123; words in columns."""
+"""Philox4x32-10 against the known answers that its authors publish with Random123 (in its file
+kat_vectors, at "philox4x32 10"); words in columns.
+"""
 
 import numpy as np
 import pytest

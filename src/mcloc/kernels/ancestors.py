@@ -24,14 +24,14 @@ def first_above(weights, scale, offset, out):  # type: ignore[no-untyped-def]
     out[:] = 0
     n, cumulative, _last = len(out), 0.0, 0
     for i in range(len(weights)):
-        begins = np.int64(max(np.ceil(cumulative * scale - offset), 0.0))
+        begins = np.ceil(cumulative * scale - offset)
         weighs = weights[i] > 0.0
         if weighs and begins < n:
-            out[begins] = i
+            out[np.int64(begins) if begins > 0.0 else 0] = i
         cumulative += weights[i]
     before = 0
     for k in range(n):
-        before = max(before, out[k])
+        before = out[k] if out[k] > before else before
         out[k] = before
 
 
@@ -44,7 +44,7 @@ def _met(tooth, cumulative, last, guide):  # type: ignore[no-untyped-def]
         i -= 1
     while i < last and cumulative[i] <= at:
         i += 1
-    return min(i, last)
+    return i if i < last else last
 
 
 @kernel

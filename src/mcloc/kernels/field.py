@@ -6,6 +6,7 @@ numbers add up to the same sum in any order, and half the memory of float32 stay
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcloc.kernels.elementary import sincos
 from mcloc.kernels.jit import fused, kernel, scalar
@@ -27,22 +28,21 @@ and beam, all in all).
 
 
 @kernel
-def sum_over_points(states, points, beams, table, frame, four, out, start, stop):  # type: ignore[no-untyped-def]
+def sum_over_points(states, points, beams, table, frame, four, pose, cells, out, start, stop):  # type: ignore[no-untyped-def]
     """out (N,): the sum of table[cell of endpoint] over the beams.
 
     points (2, ≥ beams): endpoints in the robot's frame, float32, in cells. table: (height · width,)
     uint16; its outermost ring stands for everything off the map. frame: height, width, x, y of the
-    table's corner in the map frame, m, cos and sin of its yaw, cells per m.
+    table's corner in the map frame, m, cos and sin of its yaw, cells per m. pose, cells: from
+    `room_for`.
     """
     height, width, corner_x, corner_y, cos0, sin0, per_cell = frame
     right, top = np.float32(width - 0.5), np.float32(height - 0.5)
     row_length = np.int32(width)
-    pose = np.empty(4 * _TOGETHER, np.float32)
     padded = points.shape[1]
-    cells = np.empty(_BATCH * padded, np.uint32)
     points_x, points_y = points[0], points[1]
     for first in range(start, stop, _TOGETHER):
-        count = min(_TOGETHER, stop - first)
+        count = _TOGETHER if stop - first > _TOGETHER else stop - first
         x, y, theta = states[0, first:stop], states[1, first:stop], states[2, first:stop]
         for i in range(count):
             dx, dy = x[i] - corner_x, y[i] - corner_y
@@ -52,7 +52,7 @@ def sum_over_points(states, points, beams, table, frame, four, out, start, stop)
             pose[_COS + i] = np.float32(c * cos0 + s * sin0)
             pose[_SIN + i] = np.float32(s * cos0 - c * sin0)
         for batch in range(0, count, _BATCH):
-            size = min(_BATCH, count - batch)
+            size = _BATCH if count - batch > _BATCH else count - batch
             for j in range(size):
                 of = cells[j * padded : (j + 1) * padded]
                 _cells_of_points(pose, batch + j, points_x, points_y, right, top, row_length, of)
@@ -62,24 +62,28 @@ def sum_over_points(states, points, beams, table, frame, four, out, start, stop)
 
 
 @kernel
-def look_up(states, table, frame, out, start, stop):  # type: ignore[no-untyped-def]
+def look_up(states, table, frame, cells, out, start, stop):  # type: ignore[no-untyped-def]
     """out (N,): table[cell of the place]; everything as for `sum_over_points`, in a quarter of the
     time that one point at the origin takes there.
     """
     height, width, corner_x, corner_y, cos0, sin0, per_cell = frame
     right, top, row_length = width - 0.5, height - 0.5, np.int32(width)
-    cells = np.empty(_TOGETHER, np.int32)
     for first in range(start, stop, _TOGETHER):
         x, y = states[0, first:stop], states[1, first:stop]
-        count = min(_TOGETHER, stop - first)
+        count = _TOGETHER if stop - first > _TOGETHER else stop - first
         for i in range(count):
             dx, dy = x[i] - corner_x, y[i] - corner_y
             column, row = (cos0 * dx + sin0 * dy) * per_cell, (cos0 * dy - sin0 * dx) * per_cell
             column, row = (column if column > 0.0 else 0.0), (row if row > 0.0 else 0.0)
             column, row = (column if column < right else right), (row if row < top else top)
-            cells[i] = np.int32(row) * row_length + np.int32(column)
+            cells[i] = np.uint32(np.int32(row) * row_length + np.int32(column))
         for i in range(count):
             out[first + i] = table[np.uint64(cells[i])]
+
+
+def room_for(beams: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """What a kernel here needs for itself; each allocation in it takes 0.05 s to compile."""
+    return np.empty(4 * _TOGETHER, np.float32), np.empty(_BATCH * max(beams, 32), np.uint32)
 
 
 @fused

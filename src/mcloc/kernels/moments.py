@@ -14,20 +14,19 @@ _PARTS = 8
 
 
 @kernel
-def add_moments(states, weights, labels, reference, circular, sums, first, stop):  # type: ignore[no-untyped-def]
-    """sums (K · M,): those of the particles first … stop − 1, added. M is a multiple of 4.
+def add_moments(states, weights, labels, reference, circular, d, terms, sums, first, stop):  # type: ignore[no-untyped-def]
+    """sums (K · M,): those of the particles first … stop − 1, added. M is a multiple of 4. d
+    (D, _ROW), terms (M, _ROW): room; terms is 0.
 
     labels (N,): which bin each is in. reference (D, K): a state in each bin; d = x − reference, the
     short way around where circular (D,), is small, so that nothing is lost to rounding.
     """
     dimension = len(states)
-    width = np.uint64(len(sums) // reference.shape[1])
+    width = np.uint64(len(terms))
     pairs = dimension * (dimension + 1) // 2
-    d = np.empty((dimension, _ROW))
-    terms = np.zeros((int(width), _ROW))
     one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     for begin in range(first, stop, _TOGETHER):
-        end = min(begin + _TOGETHER, stop)
+        end = begin + _TOGETHER if begin + _TOGETHER < stop else stop
         w, label = weights[begin:end], labels[begin:end]
         mass = terms[0]
         for i in range(len(w)):
@@ -62,56 +61,6 @@ def add_moments(states, weights, labels, reference, circular, sums, first, stop)
                 sums[at + n + three] += terms[n + three, i]
 
 
-@kernel
-def moments_of_groups(sums, reference, circular, group, mean, covariance):  # type: ignore[no-untyped-def]
-    """mean (G, D), covariance (G, D, D) of the particles in each group of bins, circular where
-    `circular` (D,) says so.
-
-    sums (K, M), reference (D, K): as above. group (K,): of each bin, from 0, or < 0 for none. With
-    e = reference − mean, Σ w (d + e)(d + e)ᵀ is over the particles of a bin Σ w d dᵀ + e Σ w dᵀ +
-    Σ w d eᵀ + e eᵀ Σ w.
-    """
-    groups, dimension = mean.shape
-    pairs, angles = 1 + dimension, 1 + dimension + dimension * (dimension + 1) // 2
-    total = np.zeros((groups, 1 + 2 * dimension))  # weight; x, or sin x; cos x
-    for k in range(len(group)):
-        g, angle = group[k], angles
-        if g < 0:
-            continue
-        total[g, 0] += sums[k, 0]
-        for a in range(dimension):
-            if circular[a]:
-                total[g, 1 + a] += sums[k, angle]
-                total[g, 1 + dimension + a] += sums[k, angle + 1]
-                angle += 2
-            else:
-                total[g, 1 + a] += sums[k, 1 + a] + sums[k, 0] * reference[a, k]
-    for g in range(groups):
-        for a in range(dimension):
-            if circular[a]:
-                mean[g, a] = np.arctan2(total[g, 1 + a], total[g, 1 + dimension + a])
-            else:
-                mean[g, a] = total[g, 1 + a] / total[g, 0]
-    covariance[:] = 0.0
-    e = np.empty(dimension)
-    for k in range(len(group)):
-        g, pair = group[k], pairs
-        if g < 0:
-            continue
-        share = sums[k, 0] / total[g, 0]
-        for a in range(dimension):
-            off = reference[a, k] - mean[g, a]
-            e[a] = wrapped(off) if circular[a] else off
-            for b in range(a + 1):
-                second = sums[k, pair] + e[a] * sums[k, 1 + b] + sums[k, 1 + a] * e[b]
-                covariance[g, a, b] += second / total[g, 0] + share * e[a] * e[b]
-                pair += 1
-    for g in range(groups):
-        for a in range(dimension):
-            for b in range(a):
-                covariance[g, b, a] = covariance[g, a, b]
-
-
 def moments_of_bins(
     states: NDArray[np.float64],
     weights: NDArray[np.float64],
@@ -132,9 +81,10 @@ def moments_of_bins(
     sums = np.zeros((parts, bins * width))
 
     def run(start: int, stop: int) -> None:
+        room = np.empty((dimension, _ROW)), np.zeros((width, _ROW))
         for p in range(start, stop):
             first, last = n * p // parts, n * (p + 1) // parts
-            add_moments(states, weights, labels, reference, circular, sums[p], first, last)
+            add_moments(states, weights, labels, reference, circular, *room, sums[p], first, last)
 
     share(run, parts, 8.0 * n)
     total: NDArray[np.float64] = sums.sum(axis=0).reshape(bins, width)

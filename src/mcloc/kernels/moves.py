@@ -6,10 +6,8 @@ A move goes `along` a bearing in the robot's frame and `across` it, and turns th
     x' = x + R(θ + bearing) (along, across),   θ' = θ + dθ
 
 One sine serves the bearing and the heading. To undo a move is to take off the same from the heading
-that was before it.
+that was before it. words (4, TOGETHER) uint32 and normals (4, TOGETHER) float32 are room for those.
 """
-
-import numpy as np
 
 from mcloc.kernels.elementary import sincos, wrapped
 from mcloc.kernels.jit import kernel, scalar
@@ -27,17 +25,18 @@ def _moved(x, y, theta, bearing, along, across, dtheta, back):  # type: ignore[n
 
 
 @kernel
-def odometry_moves(x, out, numbers, reverse_below, back, counter, start, stop):  # type: ignore[no-untyped-def]
+def odometry_moves(  # type: ignore[no-untyped-def]
+    x, out, numbers, reverse_below, back, counter, words, normals, start, stop
+):
     """out (3, N): x (3, N) moved: rotate, drive, rotate, each with its noise.
 
     The drive is reversed where a fourth normal falls below `reverse_below`.
     """
     rot1, trans, rot2, sd_rot1, sd_trans, sd_rot2 = numbers
     first, stream, step, part, key = counter
-    words, normals = np.empty((4, TOGETHER), np.uint32), np.empty((4, TOGETHER), np.float32)
     n0, n1, n2, n3 = normals[0], normals[1], normals[2], normals[3]
     for a in range(start, stop, TOGETHER):
-        b = min(a + TOGETHER, stop)
+        b = a + TOGETHER if a + TOGETHER < stop else stop
         four_normals(words, normals, b - a, first + a, stream, step, part, key)
         x0, x1, x2 = x[0, a:b], x[1, a:b], x[2, a:b]
         out0, out1, out2 = out[0, a:b], out[1, a:b], out[2, a:b]
@@ -50,14 +49,15 @@ def odometry_moves(x, out, numbers, reverse_below, back, counter, start, stop): 
 
 
 @kernel
-def omnidirectional_moves(x, out, numbers, reverse_below, back, counter, start, stop):  # type: ignore[no-untyped-def]
+def omnidirectional_moves(  # type: ignore[no-untyped-def]
+    x, out, numbers, reverse_below, back, counter, words, normals, start, stop
+):
     """out (3, N): x (3, N) moved along a bearing, across it, and rotated, each with its noise."""
     bearing, trans, rot, sd_trans, sd_strafe, sd_rot = numbers
     first, stream, step, part, key = counter
-    words, normals = np.empty((4, TOGETHER), np.uint32), np.empty((4, TOGETHER), np.float32)
     n0, n1, n2, n3 = normals[0], normals[1], normals[2], normals[3]
     for a in range(start, stop, TOGETHER):
-        b = min(a + TOGETHER, stop)
+        b = a + TOGETHER if a + TOGETHER < stop else stop
         four_normals(words, normals, b - a, first + a, stream, step, part, key)
         x0, x1, x2 = x[0, a:b], x[1, a:b], x[2, a:b]
         out0, out1, out2 = out[0, a:b], out[1, a:b], out[2, a:b]
@@ -69,17 +69,18 @@ def omnidirectional_moves(x, out, numbers, reverse_below, back, counter, start, 
 
 
 @kernel
-def arc_moves(x, out, numbers, reverse_below, back, counter, start, stop):  # type: ignore[no-untyped-def]
+def arc_moves(  # type: ignore[no-untyped-def]
+    x, out, numbers, reverse_below, back, counter, words, normals, start, stop
+):
     """out (3, N): x (3, N) moved along an arc, and a last rotation, each with its noise.
 
     The chord of an arc is sin(φ/2) / (φ/2) as long and leads off at φ/2, which needs no radius.
     """
     length, turn, last, sd_length, sd_turn, sd_last = numbers
     first, stream, step, part, key = counter
-    words, normals = np.empty((4, TOGETHER), np.uint32), np.empty((4, TOGETHER), np.float32)
     n0, n1, n2, n3 = normals[0], normals[1], normals[2], normals[3]
     for a in range(start, stop, TOGETHER):
-        b = min(a + TOGETHER, stop)
+        b = a + TOGETHER if a + TOGETHER < stop else stop
         four_normals(words, normals, b - a, first + a, stream, step, part, key)
         x0, x1, x2 = x[0, a:b], x[1, a:b], x[2, a:b]
         out0, out1, out2 = out[0, a:b], out[1, a:b], out[2, a:b]

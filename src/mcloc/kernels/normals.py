@@ -6,6 +6,7 @@ of half the degree take 2.5 instead of 5.6 ns for four normals. The polynomials 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcloc.kernels.jit import kernel, scalar
 from mcloc.kernels.philox import fill_words
@@ -81,14 +82,15 @@ def four_normals(words, normals, n, first, stream, step, part, key):  # type: ig
             normal0[i], normal1[i] = normal_pair(word0[i], word1[i])
 
 
-@kernel
+def room() -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """For the words and normals of as many particles as are done at a time."""
+    return np.empty((4, TOGETHER), np.uint32), np.empty((4, TOGETHER), np.float32)
+
+
 def fill_normal(out, first, stream, step, part, key, start, stop):  # type: ignore[no-untyped-def]
-    """out (4, n): standard normals of the particles first + start … first + stop − 1."""
-    words, normals = np.empty((4, TOGETHER), np.uint32), np.empty((4, TOGETHER), np.float32)
+    """out (4, N): standard normals of the particles first + start … first + stop − 1."""
+    words, normals = room()
     for begin in range(start, stop, TOGETHER):
         n = min(TOGETHER, stop - begin)
         four_normals(words, normals, n, first + begin, stream, step, part, key)
-        for k in range(4):
-            row, normal = out[k, begin:stop], normals[k]
-            for i in range(n):
-                row[i] = normal[i]
+        out[:, begin : begin + n] = normals[:, :n]

@@ -61,7 +61,9 @@ def sum_over_table(  # type: ignore[no-untyped-def]
             column, row = (column if inside else 0.0), (row if inside else 0.0)
             cell[i] = np.int32(row) * row_length + np.int32(column)
             turn = (theta[i] - yaw) * per_angle + 0.5
-            heading[i] = np.float32(turn - angles * np.floor(turn / angles))
+            turn = turn - angles * np.floor(turn / angles)
+            sound = (turn >= 0.0) & (turn < angles)  # not of a heading that is no number
+            heading[i] = np.float32(turn if sound else 0.0)
         for batch in range(0, count, _BATCH):
             size = min(_BATCH, count - batch)
             for j in range(size):
@@ -79,6 +81,7 @@ def _index_of_angles(turns, heading, around, first, index):  # type: ignore[no-u
     for b in range(len(turns)):
         turn = heading + turns[b]
         turn = turn - around if turn >= around else turn
+        turn = turn if turn < around else np.float32(0.0)  # a sum may be rounded up to the circle
         index[b] = first + np.uint32(np.int32(turn))
 
 

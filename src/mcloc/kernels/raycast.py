@@ -109,7 +109,8 @@ def _aim(states, offset, directions, frame, limit, i, b, stop, reals, wholes):  
         x, y = (cos0 * dx + sin0 * dy) * per_cell, (cos0 * dy - sin0 * dx) * per_cell
         cos, sin = c * cos0 + s * sin0, s * cos0 - c * sin0
         n = min(_LANES - lanes, beams - b)
-        if 0.0 <= x < width and 0.0 <= y < height:
+        # Sine and cosine of what is no angle of a robot, such as 1e300, are no direction.
+        if 0.0 <= x < width and 0.0 <= y < height and 0.5 < cos * cos + sin * sin < 2.0:
             _aim_beams(x, y, cos, sin, directions, height, width, limit, b, n, lanes, reals, wholes)
         else:  # nothing is known there: rays of length 0
             _in_the_ring(lanes, lanes + n, wholes)

@@ -11,15 +11,15 @@ from mcloc.kernels.elementary import exp
 from mcloc.kernels.jit import kernel, scalar, share
 
 _BLOCK = 4096
+_LONG_BLOCK = 1 << 15  # of what NumPy does
 _WORK = 1.5  # ns a particle
 
 
 @kernel
-def summed(a, b, scales, tops, sums, start, stop):  # type: ignore[no-untyped-def]
+def summed(a, b, scales, terms, tops, sums, start, stop):  # type: ignore[no-untyped-def]
     """tops (S, blocks): for each scale the largest of each block, NaN where there is one; sums:
-    Σ exp(… − top).
+    Σ exp(… − top). terms (_BLOCK,): room.
     """
-    terms = np.empty(_BLOCK)
     for block in range(start, stop):
         first = block * _BLOCK
         x, y = a[first : first + _BLOCK], b[first : first + _BLOCK]
@@ -39,20 +39,6 @@ def summed(a, b, scales, tops, sums, start, stop):  # type: ignore[no-untyped-de
             for i in range(len(x)):
                 terms[i] = exp(terms[i] - shift)
             sums[k, block] = _total(terms, len(x))
-
-
-@kernel
-def exponentials(a, out, sums, squares, start, stop):  # type: ignore[no-untyped-def]
-    """out = exp(a), a ≤ 0; sums and squares (blocks,): Σ out and Σ out² of each block."""
-    terms = np.empty(_BLOCK)
-    for block in range(start, stop):
-        first = block * _BLOCK
-        x, w = a[first : first + _BLOCK], out[first : first + _BLOCK]
-        for i in range(len(x)):
-            w[i] = exp(x[i])
-        for i in range(len(x)):
-            terms[i] = w[i] * w[i]
-        sums[block], squares[block] = _total(w, len(x)), _total(terms, len(x))
 
 
 @scalar
@@ -79,7 +65,7 @@ def log_sums(
     blocks, several = -(-len(a) // _BLOCK), np.array(scales)
     tops, sums = np.empty((len(scales), blocks)), np.empty((len(scales), blocks))
     work = _WORK * len(a) * len(scales)
-    share(lambda i, j: summed(a, b, several, tops, sums, i, j), blocks, work)
+    share(lambda i, j: summed(a, b, several, np.empty(_BLOCK), tops, sums, i, j), blocks, work)
     top = tops.max(axis=1)
     shift = np.maximum(top, -1e300)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -89,8 +75,14 @@ def log_sums(
 
 def weights(a: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
     """exp(a) (N,), its sum, and the sum of its squares. a ≤ 0."""
-    blocks = -(-len(a) // _BLOCK)
-    out, sums, squares = np.empty(len(a)), np.empty(blocks), np.empty(blocks)
-    run = lambda i, j: exponentials(a, out, sums, squares, i, j)  # noqa: E731
-    share(run, blocks, _WORK * len(a))
-    return out, float(sums.sum()), float(squares.sum())
+    out, part = np.empty(len(a)), np.empty((2, -(-len(a) // _LONG_BLOCK)))
+
+    def run(start: int, stop: int) -> None:
+        for block in range(start, stop):
+            some = slice(block * _LONG_BLOCK, (block + 1) * _LONG_BLOCK)
+            w = np.exp(a[some], out=out[some])
+            part[:, block] = w.sum(), np.square(w).sum()
+
+    share(run, part.shape[1], _WORK * len(a))
+    total, squares = part.sum(axis=1).tolist()
+    return out, total, squares

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.kernels.field import FOUR, look_up, sum_over_points
+from mcloc.kernels.field import FOUR, look_up, room_for, sum_over_points
 from mcloc.kernels.jit import share
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.statespace import States
@@ -65,7 +65,10 @@ class CellTable:
             out = np.empty(x.shape[1])
 
             def run(start: int, stop: int) -> None:
-                sum_over_points(x, in_cells, len(points), flat, frame, FOUR, out, start, stop)
+                room = room_for(in_cells.shape[1])
+                sum_over_points(
+                    x, in_cells, len(points), flat, frame, FOUR, *room, out, start, stop
+                )
 
             share(run, len(out), len(out) * (2.0 + 0.6 * len(points)))
             out *= -self.step
@@ -78,7 +81,11 @@ class CellTable:
         """(n,): the value of the cell that each place x (3, n) lies in."""
         flat, frame = self.codes.ravel(), self.frame
         out = np.empty(x.shape[1])
-        share(lambda a, b: look_up(x, flat, frame, out, a, b), len(out), 2.0 * len(out))
+
+        def run(start: int, stop: int) -> None:
+            look_up(x, flat, frame, room_for(1)[1], out, start, stop)
+
+        share(run, len(out), 2.0 * len(out))
         out *= -self.step
         out += self.largest
         return out

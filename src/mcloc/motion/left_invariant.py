@@ -12,6 +12,7 @@ from scipy.special import ndtri
 from mcloc.draws import Draws, Stream
 from mcloc.geometry import wrap
 from mcloc.kernels.jit import share
+from mcloc.kernels.normals import room
 from mcloc.registry import Configurable, param, parameters
 from mcloc.statespace import LogWeights, States
 
@@ -95,7 +96,7 @@ class LeftInvariant(Configurable, ABC):
         x, out = np.ascontiguousarray(x), np.empty(x.shape)
 
         def run(start: int, stop: int) -> None:
-            move(x, out, numbers, reverse_below, back, counter, start, stop)
+            move(x, out, numbers, reverse_below, back, counter, *room(), start, stop)
 
         share(run, x.shape[1], 8.0 * x.shape[1])
         return out
