@@ -19,9 +19,9 @@ def space_of(*circular):
     return StateSpace(tuple("abcdef"[:n]), ("m",) * n, circular)
 
 
-RING = space_of(True)
+TORUS = space_of(True, True)
 ARM = space_of(False, False, True, True, False, True)
-SPACES = {"line": LINE, "ring": RING, "plane": SE2, "arm": ARM}
+SPACES = {"line": LINE, "ring": space_of(True), "torus": TORUS, "plane": SE2, "arm": ARM}
 MIDDLES = [np.pi, 0.1, -1.7]  # of the angles: one across the seam
 WIDE = 0.4  # from the middle of a cloud to its edge, m or rad
 

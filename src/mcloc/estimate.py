@@ -116,9 +116,8 @@ class _Histogram:
         totals = np.add.reduceat(sums, starts)
         share, angle = totals[:, 0], 1 + d + d * (d + 1) // 2
         mean = np.add.reduceat(first + weight[:, None] * reference, starts) / share[:, None]
-        mean[:, circular] = np.arctan2(totals[:, angle::2], totals[:, angle + 1 :: 2])[
-            :, : int(circular.sum())
-        ]
+        sines = totals[:, angle : angle + 2 * int(circular.sum())]
+        mean[:, circular] = np.arctan2(sines[:, ::2], sines[:, 1::2])
         e = reference - mean[group]
         e[:, circular] -= 2.0 * np.pi * np.rint(e[:, circular] / (2.0 * np.pi))
         crossed = e[:, :, None] * (first + 0.5 * weight[:, None] * e)[:, None, :]

@@ -139,7 +139,8 @@ def turned():
     spread = [rng.uniform(-size, size, MANY) for size in (np.pi, 10.0, 1e3, 1e5, 1e12)]
     borders = np.arange(-1999, 2000) * np.pi
     beside = [np.nextafter(borders, way) for way in (-np.inf, np.inf)]
-    return np.concatenate([*spread, borders, *beside])
+    by_a_hair = [565973250397.1912]  # without its last turn, rounding takes it beyond π
+    return np.concatenate([*spread, borders, *beside, by_a_hair])
 
 
 def test_wrapped_angles_stay_in_the_circle(turned):

@@ -95,6 +95,33 @@ def test_any_number_of_directions(angles):
         assert_near(looked_up(table, x, np.zeros(3), step * turns), exactly)
 
 
+@pytest.mark.parametrize("angles", [36, 180, 1000, 10_000])
+def test_directions_that_are_rounded_up_to_the_whole_circle_are_those_of_0(angles):
+    """Headings and beams a hair below 0, each and together: the direction 0 or the last one, of the
+    same cell, also where no other cell comes after it.
+    """
+    grid = a_map(walls=0.2, shape=(5, 6))
+    table, step = table_of(grid, angles), 2.0 * np.pi / angles
+    x = from_middles(grid, np.zeros(3), [0])
+    last, first = looked_up(table, x, np.zeros(3), [-step, 0.0]).T
+    for heading in (0.0, *-(0.5 ** np.arange(8.0, 60.0, 2.0))):
+        x[2] = (heading - 0.5) * step
+        beams = -(0.5 ** np.arange(5.0, 50.0)) * step
+        found = looked_up(table, x, np.zeros(3), beams).T
+        assert ((found == first) | (found == last)).all()
+
+
+@pytest.mark.parametrize("heading", [np.nan, np.inf, -np.inf, 1e300, -1e19])
+def test_no_heading_leads_out_of_the_table(heading):
+    table, x = table_of(a_map()), from_middles(a_map(), np.zeros(3), [0])
+    x[2] = heading * np.linspace(1.0, 2.0, x.shape[1])
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = looked_up(table, x, MOUNTS[2], [0.0, 1.0])
+    assert ((found == NOT_KNOWN) | ((found >= 0.0) & (found <= FAR))).all()
+    if not np.isfinite(heading):
+        assert (found == NOT_KNOWN).all()
+
+
 def test_a_ray_begins_in_the_middle_of_its_cell_and_goes_in_the_nearest_direction():
     """Anywhere in a cell, within half a step of a direction, nothing else is looked up."""
     grid = a_map(ORIGINS[1])
@@ -196,6 +223,7 @@ def test_the_limit_is_what_the_table_takes():
 
 
 def test_steps_must_fit_16_bits(monkeypatch):
+    assert MOST_STEPS + 1 < 2**16  # one more is held than there are
     grid = a_map()
     diagonal = CELL * np.hypot(14, 19)
     spacing = diagonal / (MOST_STEPS - 1.5)

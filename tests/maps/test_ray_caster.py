@@ -175,6 +175,15 @@ def test_nothing_is_expected_from_where_nothing_is_known(place):
     assert np.isnan(found).all()
 
 
+@pytest.mark.parametrize("heading", [np.nan, np.inf, -np.inf, 1e300, -1e19])
+def test_nothing_is_expected_from_no_heading(heading):
+    x = np.array([[2.0, 2.0], [2.0, 2.0], [heading, 0.0]])
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = RayCaster(one_room()).ranges(x, np.zeros(3), DIAGONALS, 9.0)
+    assert np.isnan(found[0]).all()
+    assert np.isfinite(found[1]).all()
+
+
 def test_a_wall_at_range_max_is_not_within_reach():
     x = np.array([[2.0], [2.0], [0.0]])
     for reach, expected in ((1.6, np.inf), (1.6001, 1.6)):
@@ -241,3 +250,8 @@ def test_no_number_of_threads_changes_a_bit(monkeypatch, beams):
         jit.set_threads(before)
     for one, three in zip(*found, strict=True):
         assert np.array_equal(one, three, equal_nan=True)
+
+
+def test_no_beams_have_no_ranges():
+    found = RayCaster(one_room()).ranges(np.ones((3, 4)), np.zeros(3), [], 9.0)
+    assert found.shape == (4, 0)

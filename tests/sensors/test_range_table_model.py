@@ -109,3 +109,14 @@ def test_scans_of_several_reaches_have_tables_of_their_own():
     alone = replace(model).log_likelihood(x, long)
     assert np.array_equal(first[1], alone)
     assert (first[0] != first[1]).any()
+
+
+def test_the_tables_of_all_readings_are_bounded_too():
+    model = SENSORS.make(
+        "beam-yee", office_world(1), ranges="table", table_angles=8, sigma_hit=0.02, table_memory=50
+    )
+    z = Scan(0.0, np.full(3, 2.0), np.zeros(3), 30.0)
+    with pytest.raises(
+        MapError, match=r"more than sensor\.table_memory = 50 MB; use sensor\.ranges"
+    ):
+        model.log_likelihood(np.ones((3, 2)), z)

@@ -3,6 +3,8 @@
 2013].
 """
 
+import numpy as np
+
 from mcloc.kernels.jit import kernel
 
 
@@ -23,7 +25,7 @@ def find_neighbours(keys, coordinates, offsets, periods, strides, out):  # type:
         for k in range(n):
             out[k, m] = out[k, count - 1 - m] = -1
         for k in range(n):
-            key = 0
+            key = np.int64(0)
             for d in range(len(periods)):
                 at = coordinates[d, k] + offsets[m, d]
                 if periods[d] > 0:

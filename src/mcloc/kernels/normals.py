@@ -74,7 +74,8 @@ def four_normals(words, normals, n, first, stream, step, part, key):  # type: ig
     """normals (4, ≥ n) float32: of the particles first … first + n − 1. words (4, ≥ n) uint32: room
     for theirs.
     """
-    fill_words(words, first, stream, step, part, key, 0, n)
+    start = n - n  # a plain 0 would be a type of its own, and compiled for once more
+    fill_words(words, first, stream, step, part, key, start, n)
     for pair in range(2):
         word0, word1 = words[2 * pair], words[2 * pair + 1]
         normal0, normal1 = normals[2 * pair], normals[2 * pair + 1]

@@ -81,15 +81,15 @@ class RangeTable:
         (up to range_max or more), then for no wall nearer than range_max, then for rays that leave
         known space.
         """
-        reached = min(int(np.ceil(range_max / self.spacing)), table.shape[1] - 2, self._steps)
-        log_p = np.empty((len(table), 1 + self._steps), dtype=np.float32)
+        reached = min(int(np.ceil(range_max / self.spacing)), table.shape[1] - 2, self.steps)
+        log_p = np.empty((len(table), 1 + self.steps), dtype=np.float32)
         log_p[:, NOT_KNOWN] = table[:, -1]
         log_p[:, 1 : 1 + reached] = table[:, :reached]
         log_p[:, 1 + reached :] = table[:, -2:-1]
         return log_p
 
     @property
-    def _steps(self) -> int:
+    def steps(self) -> int:
         """More than any range of the map has."""
         return int(self.caster.farthest(np.inf) / self.spacing) + 2
 
@@ -107,7 +107,7 @@ class RangeTable:
                 f"{self.angles} directions takes {wanted:.0f} MB, more than sensor.table_memory = "
                 f"{self.memory:g} MB; use sensor.ranges=exact, or fewer sensor.table_angles"
             )
-        if self._steps > MOST_STEPS:
+        if self.steps > MOST_STEPS:
             raise MapError(
                 f"{grid.name}: {self.caster.farthest(np.inf):.0f} m across are too far for a table "
                 f"in steps of sensor.sigma_hit / 4 = {self.spacing:g} m; use sensor.ranges=exact"

@@ -53,7 +53,7 @@ class RayCaster:
 
         share(run, x.shape[1], out.size * _WORK)
         out *= self.grid.resolution
-        return out.reshape(-1, beams)
+        return out.reshape(x.shape[1], beams)
 
     def sum(
         self,
@@ -140,7 +140,8 @@ class RayCaster:
         for a map of too many cells.
         """
         walls, passable = self.grid.occupied, self.grid.free
-        if walls.size > MOST_CELLS:
+        height, width, *_ = self.frame
+        if height * width > MOST_CELLS:
             raise MapError(
                 f"{self.grid.name}: {walls.size} cells are more than the {MOST_CELLS} through which"
                 " rays can be cast; use a coarser map"

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.errors import MapError
 from mcloc.events import Scan
 from mcloc.maps.range_table import RangeTable
 from mcloc.maps.ray_caster import RayCaster
@@ -132,13 +133,28 @@ class BeamModel(ScanModel, ABC):
         return RangeTable(self.rays, self.table_angles, self.spacing, self.table_memory)
 
     def log_of_knots(self, reach: float) -> NDArray[np.float32]:
-        """log p of every reading that is a knot, and of no return, for `RangeTable.sum`."""
-        tables = self._tables
-        if reach not in tables:
+        """log p of every reading that is a knot, and of no return, for `RangeTable.sum`. Raises
+        MapError where they are too many.
+        """
+        if reach not in self._tables:
             knots = self.spacing * np.arange(int(np.ceil(reach / self.spacing)))
-            table = self.log_table(np.append(knots, reach), reach)
-            tables[reach] = self.range_table.spread(table, reach)
-        return tables[reach]
+            looked_up = self.range_table
+            wanted = 4e-6 * (len(knots) + 1) * (looked_up.steps + 1)
+            if wanted > self.table_memory:
+                raise MapError(
+                    f"{self.grid.name}: log p for readings up to {reach:g} m in steps of "
+                    f"sensor.sigma_hit / 4 takes {wanted:.0f} MB, more than sensor.table_memory = "
+                    f"{self.table_memory:g} MB; use sensor.ranges=exact, or a larger "
+                    "sensor.sigma_hit"
+                )
+            readings = np.append(knots, reach)
+            self._tables[reach] = np.concatenate(
+                [  # a few at a time: in double precision all would take several times the memory
+                    looked_up.spread(self.log_table(readings[k : k + 64], reach), reach)
+                    for k in range(0, len(readings), 64)
+                ]
+            )
+        return self._tables[reach]
 
     @cached_property
     def _tables(self) -> dict[float, NDArray[np.float32]]:
