@@ -5,6 +5,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from mcloc.draws import Draws
 from mcloc.filters.people import NoPeopleFilter
 from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
-from mcloc.kernels.jit import share
+from mcloc.kernels.jit import SERIAL_BELOW, share
 from mcloc.particles import Particles, log_sum_exp, log_sums_exp
 from mcloc.proposals.target import Target
 from mcloc.protocols import (
@@ -251,14 +252,23 @@ def _drawn(source: Source, first: int, n: int) -> Weighed:
     """The particles first … first + n − 1, by several threads if they are many. Each thread takes
     as many at a time through all stages as its cache holds.
     """
-    found: list[tuple[int, Weighed]] = []
+    if n <= BLOCK and n * WORK < SERIAL_BELOW:
+        return source(first, n)
+    made: list[Weighed] = []
+    lock = Lock()
 
     def run(start: int, stop: int) -> None:
         for at in range(start, stop, BLOCK):
-            found.append((at, source(first + at, min(BLOCK, stop - at))))
+            block = source(first + at, min(BLOCK, stop - at))
+            with lock:
+                if not made:  # only now it is known what a state is
+                    states = np.empty((len(block.states), n))
+                    made.append(Weighed(states, np.empty(n), np.empty(n)))
+            for whole, part in zip(made[0], block, strict=True):
+                whole[..., at : at + part.shape[-1]] = part
 
     share(run, n, WORK * n)
-    return _joined([block for _, block in sorted(found, key=lambda part: part[0])])
+    return made[0]
 
 
 def _joined(parts: list[Weighed]) -> Weighed:
