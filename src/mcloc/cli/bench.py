@@ -84,17 +84,21 @@ def bench(
       mcloc bench --map floor.yaml --operation step_adaptive --threads 1 4
       mcloc bench --json > speed.json
 
-    Everything takes some minutes. Beams that are cast take longest.
+    Everything takes some minutes; beams that are cast take longest. If it is interrupted, it prints
+    what it has measured so far.
     """
     import json as as_json
 
     from mcloc.benchmarks.bench import described
 
-    results = _measured(map, _plan(beams, particles, cloud, operation, threads))
-    if json:
-        typer.echo(as_json.dumps(described(results), indent=2))
-    else:
-        _print(results)
+    results: list[Result] = []
+    try:
+        _measure(map, _plan(beams, particles, cloud, operation, threads), results)
+    finally:  # also what was measured before it was interrupted
+        if json and results:
+            typer.echo(as_json.dumps(described(results), indent=2))
+        elif results:
+            _print(results)
 
 
 def _plan(
@@ -143,7 +147,8 @@ def _names(option: str, words: list[str], known: Any) -> list[str]:
     return names
 
 
-def _measured(path: str | None, plan: "Plan") -> list["Result"]:
+def _measure(path: str | None, plan: "Plan", results: list["Result"]) -> None:
+    """Add what is measured to the results, one after the other."""
     from mcloc.benchmarks.bench import measured
     from mcloc.benchmarks.scene import Scene, demo_map
     from mcloc.cli.progress import counted
@@ -151,12 +156,10 @@ def _measured(path: str | None, plan: "Plan") -> list["Result"]:
 
     grid = demo_map() if path is None else OccupancyGrid.load(path)
     cases = plan.cases(Scene.on(grid))
-    results: list[Result] = []
     with counted(f"of {len(cases)} measurements") as advance:
         for name, case in cases:
             results += measured(name, case, plan.threads)
             advance()
-    return results
 
 
 def _print(results: list["Result"]) -> None:
