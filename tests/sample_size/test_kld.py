@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from mcloc.errors import ConfigError
-from mcloc.filters.particle_filter import draw
+from mcloc.filters.drawing import draw
 from mcloc.protocols import Weighed
 from mcloc.sample_size import KLD, Fixed
 from mcloc.statespace import LINE, SE2

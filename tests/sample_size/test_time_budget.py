@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mcloc.filters.particle_filter import LEAST_CHUNK, draw
+from mcloc.filters.drawing import LEAST_CHUNK, draw
 from mcloc.protocols import Weighed
 from mcloc.sample_size import TimeBudget
 from mcloc.statespace import LINE

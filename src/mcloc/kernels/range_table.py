@@ -9,9 +9,7 @@ from mcloc.kernels.elementary import sincos
 from mcloc.kernels.jit import kernel, scalar
 
 _TOGETHER = 256  # poses whose sines are taken at once
-_BATCH = (
-    8  # poses whose indices are found before any is looked up, see kernels/field: 0.85 → 0.6 ns
-)
+_BATCH = 8  # poses whose indices are found before any is looked up: 0.6 instead of 0.85 ns a ray
 
 NOT_KNOWN = 0
 """What the table says where a ray leaves known space; e in steps, plus 1, everywhere else."""
