@@ -168,9 +168,9 @@ def _print(results: list["Result"]) -> None:
 
     from mcloc.benchmarks.bench import cpu
 
-    table = Table(title=cpu(), title_justify="left", box=None)
-    table.add_column("operation")
-    table.add_column("cloud")
+    table = Table(title=cpu(), title_justify="left", box=None, padding=(0, 2, 0, 0))
+    table.add_column("operation", no_wrap=True)
+    table.add_column("cloud", no_wrap=True)
     for name in ("particles", "beams", "threads", "ms", "ns / unit", "NumPy, ms", "ratio"):
         table.add_column(name, justify="right")
     for r in results:
@@ -185,4 +185,7 @@ def _print(results: list["Result"]) -> None:
             "" if r.reference_ms is None else f"{r.reference_ms:.3g}",
             "" if r.ratio is None else f"{r.ratio:.1f} ×",
         )
-    Console().print(table)
+    console = Console()
+    if not console.is_terminal:  # a file is as wide as it has to be
+        console.width = 100
+    console.print(table)
