@@ -207,7 +207,7 @@ class Search:
         total = float(self.cumulative[-1])
         # The last that weighs anything.
         self.last = int(np.searchsorted(self.cumulative, total))
-        self.guide = np.empty(len(weights) + 1, dtype=np.intp)
+        self.guide = np.zeros(len(weights) + 1, dtype=np.intp)
         if total > 0.0:
             first_above(weights, len(weights) / total, 0.0, self.guide)
 

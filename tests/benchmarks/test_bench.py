@@ -10,6 +10,7 @@ from mcloc.benchmarks.operations import OPERATIONS
 from mcloc.benchmarks.scene import Scene, demo_map
 from mcloc.cli.bench import spelt_out
 from mcloc.cli.main import app
+from mcloc.errors import MapError
 from mcloc.kernels import jit
 
 KEYS = ["operation", "cloud", "particles", "beams", "threads", "ms", "ns_per_unit"]
@@ -101,3 +102,25 @@ def test_wrong_input(args, what):
     assert result.exit_code == 2
     assert what in result.stderr
     assert len(result.stderr.splitlines()) <= 2
+
+
+def test_what_was_measured_before_an_interrupt_is_told(monkeypatch):
+    def interrupted(name, case, threads):
+        if case.n == 200:
+            raise KeyboardInterrupt
+        return [Result(name, case.cloud, case.n, None, 1, 2.0, 3.0, None, None)]
+
+    monkeypatch.setattr("mcloc.benchmarks.bench.measured", interrupted)
+    result = bench("--json", "--operation", "motion", "--particles", "100", "200")
+    assert result.exit_code == 130
+    assert [r["particles"] for r in json.loads(result.stdout)["results"]] == [100]
+
+
+def test_an_operation_that_the_map_does_not_allow_is_left_out(monkeypatch):
+    def refused(name, case, threads):
+        raise MapError("too large")
+
+    monkeypatch.setattr("mcloc.benchmarks.bench.measured", refused)
+    result = bench("--operation", "beam_table", "--particles", "100", "--beams", "5")
+    assert result.exit_code == 0
+    assert "beam_table is left out: too large" in result.stderr

@@ -75,7 +75,7 @@ def beam_cast(case: Case) -> Work:
 
 
 def beam_table(case: Case) -> Work:
-    sensor = FourPartBeams(case.scene.grid, max_beams=case.beams, ranges="table", table_memory=1e5)
+    sensor = FourPartBeams(case.scene.grid, max_beams=case.beams, ranges="table")
     x, z = case.states, case.scene.scan(case.beams)
     looked_up = sensor.range_table
     row_of, rows = looked_up.rows

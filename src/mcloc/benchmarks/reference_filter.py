@@ -163,7 +163,7 @@ def density_tree(x: Array, weights: Array, places: Array, leaf: int) -> Array:
     box is the number of its place among those of the level.
     """
     low = np.append(x[:2].min(axis=1), -np.pi)
-    side = np.append(np.ptp(x[:2], axis=1), 2.0 * np.pi) * (1.0 + 1e-9)
+    side = np.append(np.ptp(x[:2], axis=1) + 1e-9, 2.0 * np.pi) * (1.0 + 1e-9)
     within, wanted = ((v - low[:, None]) / side[:, None] for v in (x, places))
     inside = ((wanted >= 0.0) & (wanted < 1.0)).all(axis=0)
     box, at = np.zeros(x.shape[1], dtype=np.int64), np.zeros(places.shape[1], dtype=np.int64)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcloc.errors import ConfigError
+from mcloc.errors import ConfigError, MapError
 
 if TYPE_CHECKING:
     from mcloc.benchmarks.bench import Plan, Result
@@ -158,7 +158,10 @@ def _measure(path: str | None, plan: "Plan", results: list["Result"]) -> None:
     cases = plan.cases(Scene.on(grid))
     with counted(f"of {len(cases)} measurements") as advance:
         for name, case in cases:
-            results += measured(name, case, plan.threads)
+            try:
+                results += measured(name, case, plan.threads)
+            except MapError as cause:  # the other operations can do without
+                typer.echo(f"{name} is left out: {cause}", err=True)
             advance()
 
 

@@ -90,7 +90,8 @@ class Bins:
 
     sides (D,): of a bin. around (D,): how many make a circle, see `bin_keys`. known: how many there
     are. strides (D,): what a step along each axis adds to a key. first (≥ known,): for each bin the
-    first column there of the states that were added last.
+    first column there, of the states with which it was found. Coordinates that do not fit are
+    wrapped: bins that far apart may be taken for one.
     """
 
     def __init__(self, sides: NDArray[np.float64], around: NDArray[np.float64]) -> None:

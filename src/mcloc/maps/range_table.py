@@ -15,7 +15,7 @@ from mcloc.kernels.range_table import NOT_KNOWN, fill_rows, sum_over_table
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.statespace import States
 
-_AT_ONCE = 1 << 12  # cells whose ranges are cast at once
+_AT_ONCE = 1 << 20  # rays that are cast at once
 MOST_STEPS = 65533  # of a range: more do not fit 16 bits
 _ROWS = 2  # before those of the cells: of what is not known, and of walls
 _WORK = 0.8  # ns a ray
@@ -101,7 +101,12 @@ class RangeTable:
         cells = np.flatnonzero(stops == PASSABLE)
         size = (len(cells) + _ROWS) * self.angles
         wanted = (2 * size + 4 * len(stops)) / 1e6
-        if wanted > self.memory or size >= 2**32:
+        if size >= 2**32:
+            raise MapError(
+                f"{grid.name}: {len(cells)} cells in {self.angles} directions are more ranges than "
+                "one table can hold; use sensor.ranges=exact, or fewer sensor.table_angles"
+            )
+        if wanted > self.memory:
             raise MapError(
                 f"{grid.name}: the table of expected ranges of its {len(cells)} cells in "
                 f"{self.angles} directions takes {wanted:.0f} MB, more than sensor.table_memory = "
@@ -120,8 +125,9 @@ class RangeTable:
         rows[self.angles : _ROWS * self.angles] = 1
         directions = np.linspace(0.0, 2.0 * np.pi, self.angles, endpoint=False)
         steps_per_cell = grid.resolution / self.spacing
-        for first in range(0, len(cells), _AT_ONCE):
-            some = cells[first : first + _AT_ONCE]
+        together = max(_AT_ONCE // self.angles, 1)
+        for first in range(0, len(cells), together):
+            some = cells[first : first + together]
             lengths = self.caster.from_cells(some, directions)
             at = (_ROWS + first) * self.angles
             fill_rows(lengths, steps_per_cell, rows[at : at + len(lengths)])

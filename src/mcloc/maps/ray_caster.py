@@ -81,6 +81,10 @@ class RayCaster:
         share(run, len(out), len(out) * len(table) * _WORK)
         return out
 
+    def prepare(self) -> None:
+        """Make what the first ray needs, once, before several threads ask for it."""
+        self._leaps  # noqa: B018
+
     def farthest(self, range_max: float) -> float:
         """No finite expected range on this map is larger: metres."""
         height, width = self.grid.cells.shape

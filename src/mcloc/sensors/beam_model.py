@@ -3,8 +3,9 @@ expect of the k-th beam from x  [Thrun, Burgard, Fox: Probabilistic Robotics, §
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from mcloc.statespace import LogWeights, States
 
 KNOTS_PER_SIGMA = 4.0
 FARTHEST = 1e4  # m; no laser reaches there: a larger range_max states no limit
+MOST_REACHES = 4  # of lasers on one robot, for which tables are kept
 LEAST = 1e-300  # density; below, logarithms would be −∞ at one knot and interpolate to NaN
 
 
@@ -64,6 +66,8 @@ class BeamModel(ScanModel, ABC):
     )
     table_memory: float = param(1000.0, "MB", "most memory of the table of ranges", above=0)
 
+    _lock: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.ranges == "table":
@@ -102,7 +106,7 @@ class BeamModel(ScanModel, ABC):
             log_p, which = self.log_of_knots(reach), self.nearest_knots(readings, reach)
             total = self.range_table.sum(x, z.mount, angles, log_p, which)
         else:
-            table = self.log_table(readings, reach)
+            table = self._log_table_of(readings, reach)
             total = self.rays.sum(x, z.mount, angles, reach, table, self.spacing)
         return total * self.tempering(z)
 
@@ -132,29 +136,53 @@ class BeamModel(ScanModel, ABC):
     def range_table(self) -> RangeTable:
         return RangeTable(self.rays, self.table_angles, self.spacing, self.table_memory)
 
+    def _log_table_of(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.float32]:
+        """`log_table`, made once for all the threads and blocks that a scan is weighed by."""
+        asked = readings.tobytes(), reach
+        with self._lock:
+            self.rays.prepare()
+            if asked not in self._of_scan:
+                self._of_scan.clear()
+                self._of_scan[asked] = self._in_pieces(readings, reach)
+            return self._of_scan[asked]
+
+    def _in_pieces(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.float32]:
+        """`log_table` a few readings at a time: in double precision all take much memory."""
+        pieces = [self.log_table(readings[k : k + 16], reach) for k in range(0, len(readings), 16)]
+        return np.concatenate(pieces) if pieces else self.log_table(readings, reach)
+
+    @cached_property
+    def _of_scan(self) -> dict[tuple[bytes, float], NDArray[np.float32]]:
+        return {}
+
     def log_of_knots(self, reach: float) -> NDArray[np.float32]:
         """log p of every reading that is a knot, and of no return, for `RangeTable.sum`. Raises
         MapError where they are too many.
         """
-        if reach not in self._tables:
-            knots = self.spacing * np.arange(int(np.ceil(reach / self.spacing)))
-            looked_up = self.range_table
-            wanted = 4e-6 * (len(knots) + 1) * (looked_up.steps + 1)
-            if wanted > self.table_memory:
-                raise MapError(
-                    f"{self.grid.name}: log p for readings up to {reach:g} m in steps of "
-                    f"sensor.sigma_hit / 4 takes {wanted:.0f} MB, more than sensor.table_memory = "
-                    f"{self.table_memory:g} MB; use sensor.ranges=exact, or a larger "
-                    "sensor.sigma_hit"
-                )
-            readings = np.append(knots, reach)
-            self._tables[reach] = np.concatenate(
-                [  # a few at a time: in double precision all would take several times the memory
-                    looked_up.spread(self.log_table(readings[k : k + 64], reach), reach)
-                    for k in range(0, len(readings), 64)
-                ]
+        with self._lock:
+            if reach not in self._tables:
+                if len(self._tables) == MOST_REACHES:
+                    self._tables.clear()
+                self._tables[reach] = self._of_all_knots(reach)
+            return self._tables[reach]
+
+    def _of_all_knots(self, reach: float) -> NDArray[np.float32]:
+        knots = self.spacing * np.arange(int(np.ceil(reach / self.spacing)))
+        looked_up = self.range_table
+        wanted = 4e-6 * (len(knots) + 1) * (looked_up.steps + 1)
+        if wanted > self.table_memory:
+            raise MapError(
+                f"{self.grid.name}: log p for readings up to {reach:g} m in steps of "
+                f"sensor.sigma_hit / 4 takes {wanted:.0f} MB, more than sensor.table_memory = "
+                f"{self.table_memory:g} MB; use sensor.ranges=exact, or a larger sensor.sigma_hit"
             )
-        return self._tables[reach]
+        readings = np.append(knots, reach)
+        return np.concatenate(
+            [  # a few at a time: in double precision all would take several times the memory
+                looked_up.spread(self.log_table(readings[k : k + 64], reach), reach)
+                for k in range(0, len(readings), 64)
+            ]
+        )
 
     @cached_property
     def _tables(self) -> dict[float, NDArray[np.float32]]:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.errors import MapError
 from mcloc.events import Scan
 from mcloc.kernels.distance import squared_distance
 from mcloc.maps.cell_table import CellTable
@@ -57,7 +58,13 @@ class LikelihoodField(ScanModel):
         computed once for each of these, up to where walls explain nothing any more.
         """
         margin = int(np.ceil(self._farthest / self.grid.resolution)) + 1
-        squared = squared_distance(np.pad(self.grid.occupied, margin))
+        try:
+            squared = squared_distance(np.pad(self.grid.occupied, margin))
+        except MapError as cause:
+            raise MapError(
+                f"{self.grid.name}: with {margin} cells around it, as far as sensor.sigma_hit = "
+                f"{self.sigma_hit:g} m lets walls tell: {cause}; use a smaller one"
+            ) from None
         most = np.int32(min(margin**2, int(squared.max())))
         np.minimum(squared, most, out=squared)
         d = self.grid.resolution * np.sqrt(np.arange(int(most) + 1))
