@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcloc.config import RunConfig, limited, merged, read_entries
+from mcloc.config import CHOICES, RunConfig, limited, merged, read_entries
 from mcloc.errors import ConfigError, McLocError
-from mcloc.filters.catalog import REGISTRIES
+from mcloc.localizer import Measured, Modelled, Offline
 from mcloc.registry import parameters
 
 NOT_UTF8 = os.fsdecode(b"floor-\xff")
@@ -39,7 +39,8 @@ def test_yaml_and_back(tmp_path_factory, initial, mount, start, seed, path, sigm
         mount=mount,
         start=start,
         seed=seed,
-        settings={"sensor": {"sigma_hit": sigma_hit}},
+        pace="measured",
+        settings={"sensor": {"sigma_hit": sigma_hit}, "pace": {"slowdown": sigma_hit}},
     )
     file = tmp_path_factory.mktemp("config") / "config.yaml"
     for written in (config, config.resolved()):
@@ -51,7 +52,7 @@ def test_resolved_spells_everything_out() -> None:
     config = RunConfig("m", "l", settings={"motion": {"alpha1": 0.5}}).resolved()
     assert config.seed is not None
     assert config.settings["motion"]["alpha1"] == 0.5
-    for kind, registry in REGISTRIES.items():
+    for kind, registry in CHOICES.items():
         known = {f.name for f in parameters(registry.get(getattr(config, kind)))}
         assert set(config.settings.get(kind, {})) == known
     assert config.resolved() == config
@@ -105,6 +106,22 @@ def test_an_exchanged_part_loses_its_settings() -> None:
     assert merged(entries, {"size": "kld"})["settings"] == {"size": {"epsilon": 0.1}}
 
 
+def test_an_exchanged_pace_loses_its_settings_too() -> None:
+    entries = {"pace": "measured", "settings": {"pace": {"slowdown": 5.0}}}
+    assert merged(entries, {"pace": "modelled"})["settings"] == {}
+    assert merged(entries, {"pace": "measured"})["settings"] == entries["settings"]
+    assert limited(entries, 10)["settings"]["pace"] == {"slowdown": 5.0}
+
+
+def test_the_pace_of_the_replay() -> None:
+    assert RunConfig("m", "l").replay_pace == Offline()
+    slow = RunConfig("m", "l", pace="measured", settings={"pace": {"slowdown": "5"}})
+    assert slow.replay_pace == Measured(slowdown=5.0)
+    assert RunConfig("m", "l", pace="modelled").replay_pace == Modelled()
+    assert "pace" not in RunConfig("m", "l").composition.settings
+    assert "pace" not in slow.composition.settings
+
+
 @pytest.mark.parametrize(
     ("size", "particles", "expected"),
     [
@@ -134,6 +151,8 @@ def test_limited(size: str, particles: int, expected: dict[str, int]) -> None:
         ({"map": NOT_UTF8}, r"map must be a name in UTF-8, got 'floor-\\udcff'; rename it"),
         ({"log": NOT_UTF8}, "log must be a name in UTF-8"),
         ({"truth": NOT_UTF8}, "truth must be a name in UTF-8"),
+        ({"pace": "mesured"}, "unknown pace 'mesured'; did you mean 'measured'"),
+        ({"settings": {"pace": {"slowdown": 5}}}, "pace 'offline' has no parameter 'slowdown'"),
         ({"truth": "a\0b"}, r"truth must be a name in UTF-8, got 'a\\x00b'"),
         (
             {"size": "recorded", "settings": {"size": {"file": NOT_UTF8}}},

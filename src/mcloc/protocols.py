@@ -43,6 +43,9 @@ class SensorModel(Protocol):
     def readings(self, z: Any) -> float:
         """How many independent readings the likelihood takes z for, > 0."""
 
+    def beams(self, z: Any) -> int:
+        """How many beams of z are used: what a particle costs to be weighed."""
+
     def source(self, z: Any) -> str:
         """Which of the robot's sensors z comes from: likelihoods compare within one."""
 

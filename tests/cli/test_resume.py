@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.cli.conftest import Mcloc
 
-from mcloc.report.checkpoint import NAME, saved_config
+from mcloc.report.checkpoint import NAME, VERSION, saved_config
 from mcloc.simulation import office_drive, write_drive
 from mcloc.storage import read_state
 
@@ -62,7 +62,7 @@ def test_killed_at_random_moments(folder: Path, tmp_path: Path) -> None:
             process.wait()
             kills += 1
             if (out / NAME).exists():
-                reached = read_state(out / NAME, 1)[0]["consumed"]
+                reached = read_state(out / NAME, VERSION)[0]["consumed"]
                 assert reached >= consumed
                 consumed = reached
     assert start([*arguments(folder, out), "--resume"]).wait() == 0
@@ -101,7 +101,12 @@ def test_options_that_are_those_of_the_saved_run_may_be_repeated(
 
 @pytest.mark.parametrize(
     ("option", "value", "named"),
-    [("--seed", "1", "seed"), ("--size", "fixed", "size"), ("--end", "6", "end")],
+    [
+        ("--seed", "1", "seed"),
+        ("--size", "fixed", "size"),
+        ("--end", "6", "end"),
+        ("--pace", "modelled", "pace"),
+    ],
 )
 def test_another_run_is_not_resumed(
     saved: Path, mcloc: Mcloc, option: str, value: str, named: str

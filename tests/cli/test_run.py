@@ -173,6 +173,28 @@ def test_threads_do_not_change_a_byte(drive: Path, mcloc: Mcloc, tmp_path: Path)
     assert one == two
 
 
+def test_scans_that_a_slow_computer_loses_are_told(
+    tracked: Path, mcloc: Mcloc, tmp_path: Path
+) -> None:
+    slow, again = tmp_path / "slow", tmp_path / "again"
+    done = mcloc(
+        *("run", "--config", tracked / "config.yaml", "--out", slow, "--no-plot"),
+        *("--pace", "modelled", "--set", "pace.particle_beam=2e-5"),
+    )
+    assert done.code == 0, done.stderr
+    summary, lost = summary_of(slow), "scan while the filter was busy"
+    assert summary["ignored"][lost] > 5
+    assert f"ignored    {summary['ignored'][lost]} × {lost}" in done.stdout
+    assert summary["scans"] == summary_of(tracked)["scans"]
+    assert summary["updates"] < summary_of(tracked)["updates"]
+    config = yaml.safe_load((slow / "config.yaml").read_text())
+    assert config["pace"] == "modelled"
+    assert config["settings"]["pace"] == {"particle_beam": 2e-5}
+    mcloc(*("run", "--config", slow / "config.yaml", "--out", again, "--no-plot", "--threads", 1))
+    assert (again / "estimates.csv").read_bytes() == (slow / "estimates.csv").read_bytes()
+    assert summary_of(again)["ignored"] == summary["ignored"]
+
+
 def test_seeds_differ(tracked: Path, mcloc: Mcloc, tmp_path: Path) -> None:
     mcloc(
         *("run", "--config", tracked / "config.yaml", "--seed", 8, "--no-plot", "--out", tmp_path)

@@ -120,6 +120,20 @@ WRONG: dict[str, tuple[Wrong, str]] = {
     "size unknown": (flags("--size", "kdl"), "did you mean 'kld'"),
     "size unknown, particles": (flags("--size", "kdl", "--particles", 9), "did you mean 'kld'"),
     "recovery unknown": (flags("--recovery", "ranom"), "did you mean 'random'"),
+    "pace unknown": (flags("--pace", "modeled"), "did you mean 'modelled'"),
+    "pace out of range": (
+        flags("--pace", "measured", "--set", "pace.slowdown=0"),
+        "error: pace.slowdown = 0.0 must be > 0",
+    ),
+    "pace no number": (
+        flags("--pace", "modelled", "--set", "pace.particle_beam=little"),
+        "pace.particle_beam must be a number",
+    ),
+    "pace of another": (
+        flags("--pace", "modelled", "--set", "pace.slowdown=2"),
+        "pace 'modelled' has no parameter 'slowdown'",
+    ),
+    "pace config": (config("pace: [1]\n"), "pace must be text"),
     "set unknown part": (flags("--set", "sensr.sigma_hit=1"), "did you mean 'sensor'"),
     "set unknown name": (flags("--set", "sensor.sigma_hot=1"), "did you mean 'sigma_hit'"),
     "set unknown update": (flags("--set", "update.distanz=1"), "did you mean 'distance'"),

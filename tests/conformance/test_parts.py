@@ -5,33 +5,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mcloc.config import CHOICES
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Scan
 from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
-from mcloc.filters.particle_filter import Belief
+from mcloc.filters.particle_filter import Belief, StepInfo
+from mcloc.filters.recovery import Evidence
 from mcloc.geometry import compose
+from mcloc.localizer import Update
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.statespace import SE2
 
-ALL = [(kind, name) for kind, registry in REGISTRIES.items() for name in registry]
+ALL = [(kind, name) for kind, registry in CHOICES.items() for name in registry]
 SETTABLE = [
-    (kind, name, field.name)
-    for kind, name in ALL
-    for field in parameters(REGISTRIES[kind].get(name))
+    (kind, name, field.name) for kind, name in ALL for field in parameters(CHOICES[kind].get(name))
 ]
 NUMERIC = [
     (kind, name, field.name)
     for kind, name in ALL
-    for field in parameters(REGISTRIES[kind].get(name))
+    for field in parameters(CHOICES[kind].get(name))
     if not isinstance(field.default, bool | str)
 ]
 
 
 def field_of(kind, name, parameter):
-    return {f.name: f for f in parameters(REGISTRIES[kind].get(name))}[parameter]
+    return {f.name: f for f in parameters(CHOICES[kind].get(name))}[parameter]
 
 
 def grid():
@@ -49,11 +50,11 @@ NEEDED = {
 def build(kind, name, **settings):
     settings = {**NEEDED.get((kind, name), {}), **settings}
     bound = (grid(),) if kind in ("sensor", "environment", "people") else ()
-    return REGISTRIES[kind].make(name, *bound, **settings)
+    return CHOICES[kind].make(name, *bound, **settings)
 
 
 def names(kind):
-    return pytest.mark.parametrize("name", list(REGISTRIES[kind]))
+    return pytest.mark.parametrize("name", list(CHOICES[kind]))
 
 
 @pytest.fixture
@@ -78,7 +79,7 @@ def z():
 
 @pytest.mark.parametrize(("kind", "name"), ALL)
 def test_every_part_has_a_docstring_and_valid_defaults(kind, name):
-    cls = REGISTRIES[kind].get(name)
+    cls = CHOICES[kind].get(name)
     assert cls.__doc__
     assert not cls.__doc__.startswith(cls.__name__ + "(")  # a dataclass's own
     part = build(kind, name)
@@ -141,11 +142,11 @@ def test_an_unknown_parameter_is_refused_with_those_there_are(kind, name):
         build(kind, name, no_such_thing=1.0)
 
 
-@pytest.mark.parametrize("kind", REGISTRIES)
+@pytest.mark.parametrize("kind", CHOICES)
 def test_an_unknown_name_is_refused_with_those_there_are(kind):
     with pytest.raises(ConfigError) as raised:
-        REGISTRIES[kind].get("no such part")
-    assert all(name in str(raised.value) for name in REGISTRIES[kind])
+        CHOICES[kind].get("no such part")
+    assert all(name in str(raised.value) for name in CHOICES[kind])
 
 
 # Motion models
@@ -218,6 +219,7 @@ def test_a_sensor_gives_a_number_or_minus_infinity(name, x, z):
     assert (log_p < np.inf).all()
     assert np.ptp(log_p[np.isfinite(log_p)]) > 0.0
     assert sensor.readings(z) > 0.0
+    assert sensor.beams(z) == 60
 
 
 @names("sensor")
@@ -328,6 +330,24 @@ def test_a_resampler_is_unbiased(name):
     w = particles.weights
     deviation = np.sqrt(n * w * (1.0 - w) / 2000)
     assert (np.abs(counts / 2000 - n * w) <= 4.5 * deviation + 1e-3).all()
+
+
+# Paces
+
+
+@names("pace")
+def test_a_pace_asks_for_more_time_the_more_there_is_to_do(name):
+    pace = build("pace", name)
+    assert isinstance(pace.clocked, bool)
+
+    def seconds(n, beams, duration):
+        info = StepInfo(n, 1.0, 0.0, 0.0, 0.0, Evidence(), (n,), 0.0)
+        particles = Particles.equal(np.zeros((3, 2)))
+        return pace.seconds(Update(1, info, particles, (), 1.0, duration), beams)
+
+    least = seconds(1, 1, 1e-6)
+    assert 0.0 <= least < np.inf
+    assert all(least <= seconds(*work) < np.inf for work in ((9, 1, 1e-6), (1, 9, 1e-6), (1, 1, 9)))
 
 
 # Whole filters

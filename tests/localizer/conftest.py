@@ -6,6 +6,7 @@ import pytest
 from mcloc.events import Scan
 from mcloc.filters.catalog import Composition
 from mcloc.geometry import between, compose
+from mcloc.kernels import jit
 from mcloc.localizer import Localizer
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.simulation import ranges
@@ -53,3 +54,10 @@ class World:
 @pytest.fixture(scope="session")
 def world():
     return World()
+
+
+@pytest.fixture
+def set_threads():
+    before = jit._threads
+    yield jit.set_threads
+    jit.set_threads(before)

@@ -9,7 +9,6 @@ from mcloc.errors import ConfigError
 from mcloc.events import Odometry, Scan
 from mcloc.filters.catalog import Composition
 from mcloc.geometry import between, compose, wrap
-from mcloc.kernels import jit
 from mcloc.localizer import Localizer, UpdatePolicy
 from mcloc.localizer.policy import LEAST_NOVELTY
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -17,13 +16,6 @@ from mcloc.simulation import Laser, Wheels, follow
 
 ANGLES = np.linspace(-np.pi / 2, np.pi / 2, 61)
 FEW = Composition(size="fixed", settings={"size": {"particles": 300}})
-
-
-@pytest.fixture
-def set_threads():
-    before = jit._threads
-    yield jit.set_threads
-    jit.set_threads(before)
 
 
 def log_of(grid, truth, wheels, seed, every=6):

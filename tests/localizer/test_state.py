@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcloc.errors import McLocError, StateError
+from mcloc.errors import ConfigError, McLocError, StateError
 from mcloc.events import Odometry, Scan
 from mcloc.filters.catalog import Composition
-from mcloc.localizer import Localizer, UpdatePolicy
-from mcloc.localizer.state import packed, restore, save
+from mcloc.localizer import Localizer, Modelled, Offline, UpdatePolicy
+from mcloc.localizer.state import VERSION, packed, restore, save
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.storage import VALUES, read_state, write_state
 
@@ -51,15 +51,18 @@ def events(world):
     return found
 
 
-def test_restored_after_any_event_it_goes_on_with_the_same_bytes(world, events, tmp_path):
-    whole = world.localizer()
+@pytest.mark.parametrize("pace", [Offline(), Modelled(particle_beam=1e-4)])  # 1.8 s an update
+def test_restored_after_any_event_it_goes_on_with_the_same_bytes(world, events, tmp_path, pace):
+    whole = world.localizer(pace=pace)
     expected = fingerprint(whole.run(events))
     assert whole.ignored["scan stamp from the future"] == 1
+    assert (whole.ignored["scan while the filter was busy"] > 5) == (pace != Offline())
     for stop in range(0, len(events), 3):
-        first = world.localizer()
+        first = world.localizer(pace=pace)
         found = fingerprint(e for event in events[:stop] for e in first.process(event))
         save(first, tmp_path / "state.npz")
         second = restore(tmp_path / "state.npz", world.grid)
+        assert second.pace == pace
         assert second.hypotheses == () or second.hypotheses[0].share > 0
         found += fingerprint(second.run(events[stop:]))
         assert found == expected
@@ -85,6 +88,22 @@ def test_what_a_user_asked_for_is_saved_too(world, tmp_path):
     assert fingerprint(again.run(events)) == fingerprint(loc.run(events))
 
 
+class Capricious:
+    """A pace of somebody's own."""
+
+    clocked = False
+
+    def seconds(self, update, beams):
+        return 1.0
+
+
+def test_a_pace_that_could_not_be_restored_is_not_saved(world, tmp_path):
+    loc = world.localizer(pace=Capricious())
+    with pytest.raises(ConfigError, match="pace Capricious cannot be saved, only one of offline"):
+        save(loc, tmp_path / "s.npz")
+    assert not list(tmp_path.iterdir())
+
+
 def test_saving_changes_nothing(world, events):
     loc = world.localizer()
     for event in events[:22]:
@@ -104,7 +123,7 @@ def test_another_map_is_refused(world, tmp_path):
 
 def test_another_version_is_refused(world, tmp_path):
     write_state(tmp_path / "s.npz", {"version": 99}, {})
-    with pytest.raises(StateError, match="version 99, but this mcloc reads version 1"):
+    with pytest.raises(StateError, match="version 99, but this mcloc reads version 2"):
         restore(tmp_path / "s.npz", world.grid)
 
 
@@ -130,7 +149,7 @@ def test_a_pickle_in_it_is_not_executed(world, tmp_path):
 def test_a_state_without_a_part(world, tmp_path, missing):
     values, arrays = packed(world.localizer())
     del arrays[missing]
-    write_state(tmp_path / "s.npz", {"version": 1, **values}, arrays)
+    write_state(tmp_path / "s.npz", {"version": VERSION, **values}, arrays)
     with pytest.raises(StateError, match="damaged"):
         restore(tmp_path / "s.npz", world.grid)
 

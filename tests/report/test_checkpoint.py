@@ -8,7 +8,7 @@ import pytest
 from mcloc.config import RunConfig, read_entries
 from mcloc.errors import StateError
 from mcloc.report import Run, write_run
-from mcloc.report.checkpoint import NAME, Checkpoints, resume, saved_config
+from mcloc.report.checkpoint import NAME, VERSION, Checkpoints, resume, saved_config
 from mcloc.simulation import office_drive, write_drive
 from mcloc.storage import read_state, write_state
 
@@ -47,6 +47,19 @@ def test_resumed_after_any_event_it_writes_the_same_files(
     assert again.config == run.config
     assert again.wall_time > 0.0
     assert finished(again, tmp_path / "resumed") == expected
+
+
+def test_a_run_that_loses_scans_is_gone_on_with_too(config: RunConfig, tmp_path: Path) -> None:
+    slow = replace(config, pace="modelled", settings={"pace": {"particle_beam": 1e-5}})
+    whole = Run(slow)
+    expected = finished(whole, tmp_path / "whole")
+    assert whole.ignored["scan while the filter was busy"] > 3
+    saves, run = Checkpoints(tmp_path / NAME, every=0.0), Run(slow)
+    for _, _ in zip(range(90), run.by_event(), strict=False):
+        saves.note(run)
+    again = resume(tmp_path / NAME)
+    assert finished(again, tmp_path / "resumed") == expected
+    assert again.ignored == whole.ignored
 
 
 def test_a_finished_run_can_be_resumed_too(config: RunConfig, tmp_path: Path) -> None:
@@ -121,7 +134,7 @@ def test_another_log_is_not_gone_on_with(config: RunConfig, tmp_path: Path) -> N
 )
 def test_a_checkpoint_without_a_part(config: RunConfig, tmp_path: Path, missing: str) -> None:
     Checkpoints(tmp_path / NAME, every=0.0).save(Run(config))
-    values, arrays = read_state(tmp_path / NAME, 1)
+    values, arrays = read_state(tmp_path / NAME, VERSION)
     (arrays if missing.startswith("history") else values).pop(missing)
     write_state(tmp_path / NAME, values, arrays)
     with pytest.raises(StateError, match=f"{NAME}: damaged, or no saved run"):

@@ -124,10 +124,11 @@ def test_far_off_the_map_is_unknown():
 def test_uses_beams_evenly_up_to_the_limit():
     model = LikelihoodField(room(), max_beams=60)
     used = model.used_beams(scan(np.ones(361)))
-    assert len(used) == 60
+    assert len(used) == model.beams(scan(np.ones(361))) == 60
     assert (used[0], used[-1]) == (0, 360)
     assert set(np.diff(used)) == {6, 7}  # 360 / 59 = 6.1
     assert np.array_equal(model.used_beams(scan(np.ones(12))), np.arange(12))
+    assert model.beams(scan(np.ones(12))) == 12
 
 
 def test_the_likelihood_is_one_for_a_perfect_scan_and_tempered_otherwise():

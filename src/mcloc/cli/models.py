@@ -25,12 +25,12 @@ def show_models(
 
 def _models() -> dict[str, Any]:
     """{kind: {name: {"doc", "default": whether it is the one used, "parameters"}}}."""
-    from mcloc.config import RunConfig
-    from mcloc.filters.catalog import FILTERS, REGISTRIES
+    from mcloc.config import CHOICES, RunConfig
+    from mcloc.filters.catalog import FILTERS
     from mcloc.localizer import UpdatePolicy
 
     kinds: dict[str, dict[str, Any]] = {"filter": dict(FILTERS)}
-    kinds |= {kind: dict(registry.parts) for kind, registry in REGISTRIES.items()}
+    kinds |= {kind: dict(registry.parts) for kind, registry in CHOICES.items()}
     models = {
         kind: {
             name: _model(part, default=getattr(RunConfig, kind) == name, plain=kind == "filter")

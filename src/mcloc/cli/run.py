@@ -112,6 +112,15 @@ def run(
             help="What is done about people in the scans: none, distance or entropy.",
         ),
     ] = None,
+    pace: Annotated[
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="How fast the robot's computer is: offline waits for the filter; measured takes "
+            "the time of this one times pace.slowdown; modelled takes pace.particle_beam for each "
+            "particle and beam. Scans that come while the filter is busy are lost, and counted.",
+        ),
+    ] = None,
     mount: Annotated[
         str | None,
         _Option(
@@ -239,6 +248,7 @@ def run(
         "recovery": recovery,
         "resampler": resampler,
         "people": people,
+        "pace": pace,
     }
     flags = {key: value for key, value in given.items() if value is not None}
     if search:

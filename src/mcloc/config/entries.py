@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from mcloc.config.run_config import RunConfig, Triple
+from mcloc.config.run_config import CHOICES, RunConfig, Triple
 from mcloc.config.yaml_file import read_yaml
 from mcloc.errors import ConfigError
 from mcloc.filters.catalog import REGISTRIES
@@ -41,7 +41,7 @@ def merged(entries: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
     A part that is exchanged for another one loses the settings that it had.
     """
     settings = dict(entries.get("settings", {}))
-    for part in REGISTRIES:
+    for part in CHOICES:
         if part in over and over[part] != entries.get(part, getattr(RunConfig, part)):
             settings.pop(part, None)
     for part, values in over.get("settings", {}).items():

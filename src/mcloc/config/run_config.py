@@ -12,8 +12,8 @@ from typing import Any, cast
 
 from mcloc.errors import ConfigError
 from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
-from mcloc.localizer import UpdatePolicy
-from mcloc.registry import Value, named, parameters, suggest
+from mcloc.localizer import PACES, Pace, UpdatePolicy
+from mcloc.registry import Registry, Value, named, parameters, suggest
 
 Triple = tuple[float, float, float]
 Settings = Mapping[str, Mapping[str, Value]]
@@ -23,7 +23,10 @@ Topics = Mapping[str, str | Sequence[str]]
 TOPICS = ("scan", "odometry", "map", "truth")
 """What a topic of a bag can be for."""
 
-PARTS = (*REGISTRIES, "update")
+CHOICES: Mapping[str, Registry[Any]] = {**REGISTRIES, "pace": PACES}
+"""What is chosen by name."""
+
+PARTS = (*CHOICES, "update")
 """What has parameters to set; `update` says when a scan is used."""
 
 FARTHEST_MOUNT = 10.0
@@ -50,8 +53,9 @@ class RunConfig:
     files. initial: start pose in the map frame, None for global localization;
     initial_sigma: its standard deviations. start, end: stamps of the log between which it is used.
     mount: the laser's pose on the robot, None for what the log says. seed: None for a fresh one.
-    threads: None for one a core. filter … recovery: names of parts. settings: {part: {parameter:
-    value}} where they differ from the defaults; text is read as what the parameter is.
+    threads: None for one a core. filter … people: names of parts. pace: that of the replay.
+    settings: {part: {parameter: value}} where they differ from the defaults; text is read as what
+    the parameter is.
 
     Raises ConfigError for unknown names and parameters, and for values of a wrong kind.
     """
@@ -75,6 +79,7 @@ class RunConfig:
     resampler: str = Composition.resampler
     recovery: str = Composition.recovery
     people: str = Composition.people
+    pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -140,6 +145,11 @@ class RunConfig:
         with named("update"):
             return UpdatePolicy(**dict(self.settings.get("update", {})))  # type: ignore[arg-type]
 
+    @property
+    def replay_pace(self) -> Pace:
+        """How long the filter is busy with a scan."""
+        return PACES.make(self.pace, **self.settings.get("pace", {}))
+
     def to_yaml(self) -> str:
         """As a file for `read_entries`; units stand in comments."""
         return "\n".join([*self._lines(), ""])
@@ -159,7 +169,7 @@ class RunConfig:
 
     def _class(self, part: str) -> type[Any]:
         kind: type[Any] = (
-            UpdatePolicy if part == "update" else REGISTRIES[part].get(getattr(self, part))
+            UpdatePolicy if part == "update" else CHOICES[part].get(getattr(self, part))
         )
         return kind
 

@@ -2,6 +2,17 @@
 
 from mcloc.localizer.estimate import Estimate, Update
 from mcloc.localizer.localizer import Localizer
+from mcloc.localizer.pace import PACES, Measured, Modelled, Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
 
-__all__ = ["Estimate", "Localizer", "Update", "UpdatePolicy"]
+__all__ = [
+    "PACES",
+    "Estimate",
+    "Localizer",
+    "Measured",
+    "Modelled",
+    "Offline",
+    "Pace",
+    "Update",
+    "UpdatePolicy",
+]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mcloc.errors import StateError
+from mcloc.errors import ConfigError, StateError
 from mcloc.estimate import Hypothesis
 from mcloc.events import Odometry, Scan
 from mcloc.filters.catalog import Composition
@@ -16,18 +16,20 @@ from mcloc.filters.recovery import Evidence
 from mcloc.localizer.estimate import Update
 from mcloc.localizer.leap_guard import E, LeapGuard
 from mcloc.localizer.localizer import Localizer
+from mcloc.localizer.pace import PACES, Pace
 from mcloc.localizer.policy import UpdatePolicy
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.particles import Particles
+from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 1
+VERSION = 2
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
     """Write the complete state of a localizer to one .npz file, whole or not at all.
 
-    Raises ConfigError where it cannot be written.
+    Raises ConfigError where it cannot be written, or has a pace of the user's own.
     """
     values, arrays = packed(localizer)
     write_state(path, {"version": VERSION, **values}, arrays)
@@ -55,6 +57,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "map": localizer.grid.checksum,
         "composition": asdict(localizer.composition),
         "policy": asdict(localizer.policy),
+        "pace": _pace(localizer.pace),
         "seed": localizer.seed,
         "step": localizer.step,
         "ignored": dict(localizer.ignored),
@@ -66,6 +69,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
         "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
         "forced": localizer._forced,
+        "busy_until": str(localizer._busy_until),
         "waiting": [_scan(s, f"waiting{k}", arrays) for k, s in enumerate(localizer._waiting)],
         "held": [_scan(s, "held", arrays) for s in _held(localizer._guard.held)],
         "hypotheses": _listed(localizer.hypotheses),
@@ -98,6 +102,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
         Composition(**values["composition"]),
         seed=values["seed"],
         policy=UpdatePolicy(**values["policy"]),
+        pace=PACES.make(values["pace"]["name"], **values["pace"]["settings"]),
     )
     particles = Particles(arrays["states"], arrays["log_weights"])
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
@@ -121,6 +126,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     if values["stepped_at"] is not None:
         localizer._stepped_at = np.array(values["stepped_at"])
     localizer._forced = values["forced"]
+    localizer._busy_until = float(values["busy_until"])
     localizer.hypotheses = _hypotheses(values["hypotheses"])
     if values["update"] is not None:
         localizer.update = _update(values["update"], particles)
@@ -134,6 +140,15 @@ def _update(values: dict[str, Any], particles: Particles) -> Update:
     explained = float(values["explained"])
     duration = values["duration"]
     return Update(values["step"], StepInfo(**info), particles, found, explained, duration)
+
+
+def _pace(pace: Pace) -> dict[str, Any]:
+    for name, kind in PACES.parts.items():
+        if type(pace) is kind:
+            settings = {f.name: getattr(pace, f.name) for f in parameters(pace)}
+            return {"name": name, "settings": settings}
+    known = ", ".join(PACES)
+    raise ConfigError(f"pace {type(pace).__name__} cannot be saved, only one of {known}")
 
 
 def _listed(hypotheses: tuple[Hypothesis, ...]) -> list[Any]:

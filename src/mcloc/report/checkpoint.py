@@ -12,7 +12,7 @@ from mcloc.localizer.state import packed, unpacked
 from mcloc.report.run import Run
 from mcloc.storage import read_state, write_state
 
-VERSION = 1
+VERSION = 2
 NAME = "checkpoint.npz"
 
 _TABLES = ("rows", "updates", "sizes")

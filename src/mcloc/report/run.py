@@ -48,6 +48,7 @@ class Run:
             initial=config.initial,
             initial_sigma=config.initial_sigma,
             policy=self.config.policy,
+            pace=self.config.replay_pace,
         )
         self.history = History()
         self.history.sizes.add(0, 0, len(self.localizer.belief.particles))

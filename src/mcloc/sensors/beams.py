@@ -38,9 +38,13 @@ class ScanModel(Configurable):
         used: NDArray[np.intp] = np.rint(steps).astype(np.intp)
         return used
 
+    def beams(self, z: Scan) -> int:
+        """How many beams of a scan are used."""
+        return min(len(z.ranges), self.max_beams)
+
     def tempering(self, z: Scan) -> float:
         """β: how much of an independent reading each used beam is worth."""
-        return self.readings(z) / max(min(len(z.ranges), self.max_beams), 1)
+        return self.readings(z) / max(self.beams(z), 1)
 
     def readings(self, z: Scan) -> float:
         """effective_beams × novelty: the beams that a scan is worth, however many of them are
