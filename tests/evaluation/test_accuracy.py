@@ -118,7 +118,7 @@ def test_the_dictionary_has_the_keys_of_the_summary_and_is_strict_json() -> None
     assert list(values) == KEYS
     assert list(values["lost_fraction"]) == ["0.5", "1", "2"]
     assert [list(recovery) for recovery in values["recoveries"]] == [
-        ["t", "recovered", "after_s", "after_m"]
+        ["t", "recovered", "path_m", "after_s", "after_m"]
     ]
     assert json.loads(json.dumps(values, allow_nan=False)) == values
 

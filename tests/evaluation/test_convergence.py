@@ -72,32 +72,42 @@ def test_each_kidnapping_has_its_own_recovery_and_the_last_one_speaks_for_the_ru
     errors = [GOOD] * 2 + [FAR] * 2 + [GOOD] * 6 + [TURNED] + [GOOD] * 3
     a = accuracy(errors, kidnappings=(29.0, 14.0))
     assert a.recoveries == (
-        Recovery(14.0, recovered=True, after_s=4.0, after_m=1.5),
-        Recovery(29.0, recovered=False),
+        Recovery(14.0, recovered=True, path_m=5.25, after_s=4.0, after_m=1.5),
+        Recovery(29.0, recovered=False, path_m=2.25),
     )
     assert converged(a) == (False, None, None)
 
 
 def test_time_counts_from_a_kidnapping_between_references_and_distance_from_the_next_one() -> None:
     a = accuracy([GOOD] * 5 + [FAR] + [GOOD] * 5, kidnappings=(19.5,))
-    assert a.recoveries == (Recovery(19.5, recovered=True, after_s=2.5, after_m=0.75),)
+    assert a.recoveries == (Recovery(19.5, recovered=True, path_m=3.75, after_s=2.5, after_m=0.75),)
     assert converged(a) == (True, 2.5, 0.75)
 
 
 def test_a_recovery_never_takes_less_than_no_time() -> None:
     # A reference within a millisecond of a stamp is at that stamp.
     a = accuracy([GOOD] * 10, kidnappings=(14.0005,))
-    assert a.recoveries == (Recovery(14.0005, recovered=True, after_s=0.0, after_m=0.0),)
+    assert a.recoveries == (
+        Recovery(14.0005, recovered=True, path_m=5.25, after_s=0.0, after_m=0.0),
+    )
 
 
 def test_the_way_of_the_kidnapping_itself_is_no_path() -> None:
     # Good before and after, each stretch shorter than 3 m: the jump of 8 m must not fill it up.
     a = accuracy([GOOD] * 4 + [GOOD] * 6, step=0.5, jumps={4: 8.0})
-    assert a.recoveries == (Recovery(18.0, recovered=False),)
+    assert a.recoveries == (Recovery(18.0, recovered=False, path_m=2.5),)
     long_enough = accuracy([GOOD] * 4 + [GOOD] * 7, step=0.5, jumps={4: 8.0})
-    assert long_enough.recoveries == (Recovery(18.0, recovered=True, after_s=0.0, after_m=0.0),)
+    assert long_enough.recoveries == (
+        Recovery(18.0, recovered=True, path_m=3.0, after_s=0.0, after_m=0.0),
+    )
 
 
 def test_two_kidnappings_between_the_same_references_leave_the_first_no_stretch() -> None:
     a = accuracy([GOOD] * 10, kidnappings=(13.0, 13.5))
-    assert [r.recovered for r in a.recoveries] == [False, True]
+    assert [(r.recovered, r.path_m) for r in a.recoveries] == [(False, 0.0), (True, 5.25)]
+
+
+def test_the_path_of_a_stretch_ends_where_the_next_kidnapping_begins() -> None:
+    # References 0 to 3, 4 to 9 and 10 to 12; the ways of 8 m and 5 m between them are no path.
+    a = accuracy([GOOD] * 13, step=0.5, jumps={4: 8.0, 10: 5.0})
+    assert [r.path_m for r in a.recoveries] == [2.5, 1.0]

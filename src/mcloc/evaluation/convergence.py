@@ -17,13 +17,15 @@ CONVERGED_REFERENCES = 5
 class Recovery:
     """Whether, and how soon after t, a stretch of the run is localized until it ends.
 
-    t: the kidnapping or the start of the run, seconds. after_s: seconds from t, and after_m: metres
-    of true path from the first reference after t, to the moment from which the errors stay small;
-    both None where they do not.
+    t: the kidnapping or the start of the run, seconds. path_m: metres of true path from the first
+    reference after t to the last of the stretch. after_s: seconds from t, and after_m: metres of
+    true path from the first reference after t, to the moment from which the errors stay small; both
+    None where they do not.
     """
 
     t: float
     recovered: bool
+    path_m: float
     after_s: float | None = None
     after_m: float | None = None
 
@@ -40,16 +42,19 @@ def _recovery(errors: PoseErrors, start: Kidnapping, end: int) -> Recovery:
     bad = (errors.position[stretch] >= CONVERGED_DISTANCE) | (
         errors.heading[stretch] >= CONVERGED_ANGLE
     )
+    path = errors.travelled
+    # Between two kidnappings there may be no reference at all.
+    path_m = float(path[end - 1] - path[start.first]) if end > start.first else 0.0
     since = start.first + int(np.max(np.flatnonzero(bad), initial=-1)) + 1
     if end - since < CONVERGED_REFERENCES:
-        return Recovery(start.t, recovered=False)
-    path = errors.travelled
+        return Recovery(start.t, recovered=False, path_m=path_m)
     # The tolerance is for the rounding of a path that is a sum of many steps.
     if path[end - 1] - path[since] < CONVERGED_PATH - 1e-6:
-        return Recovery(start.t, recovered=False)
+        return Recovery(start.t, recovered=False, path_m=path_m)
     return Recovery(
         start.t,
         recovered=True,
+        path_m=path_m,
         after_s=max(0.0, float(errors.t[since]) - start.t),
         after_m=float(path[since] - path[start.first]),
     )

@@ -8,6 +8,7 @@ from mcloc.simulation.ranges import ranges
 from mcloc.simulation.recording import write_drive
 from mcloc.simulation.robot import follow
 from mcloc.simulation.route import Roadmap, tour
+from mcloc.simulation.teleports import Teleported, teleported
 from mcloc.simulation.wheels import Wheels
 from mcloc.simulation.world import WORLDS
 
@@ -17,6 +18,7 @@ __all__ = [
     "Roadmap",
     "Scenario",
     "SimulatedDrive",
+    "Teleported",
     "Wheels",
     "evenly",
     "follow",
@@ -25,6 +27,7 @@ __all__ = [
     "office_world",
     "ranges",
     "simulate",
+    "teleported",
     "tour",
     "write_drive",
 ]
