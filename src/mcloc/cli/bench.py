@@ -156,7 +156,7 @@ def _measure(path: str | None, plan: "Plan", results: list["Result"]) -> None:
 
     grid = demo_map() if path is None else OccupancyGrid.load(path)
     cases = plan.cases(Scene.on(grid))
-    with counted(f"of {len(cases)} measurements") as advance:
+    with counted("measurements", len(cases)) as advance:
         for name, case in cases:
             try:
                 results += measured(name, case, plan.threads)

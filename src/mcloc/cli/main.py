@@ -15,6 +15,8 @@ from mcloc.cli.info import show_info
 from mcloc.cli.models import show_models
 from mcloc.cli.run import run
 from mcloc.cli.simulate import simulate_drive
+from mcloc.cli.study import studies
+from mcloc.cli.sweep import sweep
 from mcloc.errors import McLocError
 
 # The class of "no such option" and its like; typer names none, and its home moved between versions.
@@ -67,6 +69,8 @@ app.command("eval")(evaluate_files)
 app.command("info")(show_info)
 app.command("simulate")(simulate_drive)
 app.command("models")(show_models)
+app.command("sweep")(sweep)
+app.add_typer(studies, name="study")
 app.command("bench", cls=WithLists)(bench)
 
 

@@ -4,6 +4,8 @@ import math
 
 from mcloc.errors import ConfigError
 
+Value = int | float | str
+
 Triple = tuple[float, float, float]
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
@@ -58,3 +60,36 @@ def seconds(option: str, text: str) -> float:
     if not 0.0 <= value < math.inf:
         raise ConfigError(f"{option} takes a time such as 90s, 5m or 1h, got {text!r}")
     return value
+
+
+def varied(assignments: list[str]) -> dict[str, tuple[Value, ...]]:
+    """Each `name=v1,v2,…` as {name: values}, whole numbers, numbers or text. Raises ConfigError."""
+    found: dict[str, tuple[Value, ...]] = {}
+    for assignment in assignments:
+        name, equals, listed = (word.strip() for word in assignment.partition("="))
+        words = [word.strip() for word in listed.split(",")]
+        if not (equals and name and all(words)):
+            raise ConfigError(
+                "--vary takes name=value,value,..., such as sensor.sigma_hit=0.05,0.1; got "
+                f"{assignment!r}"
+            )
+        if name in found:
+            raise ConfigError(f"--vary {name} is given twice: list its values in one")
+        values = tuple(_typed(word) for word in words)
+        if len(set(values)) < len(values):
+            raise ConfigError(f"--vary {name}: a value is given twice: {listed}")
+        found[name] = values
+    if not found:
+        raise ConfigError("what is to be varied? Give --vary sensor.sigma_hit=0.05,0.1,0.2")
+    return found
+
+
+def _typed(word: str) -> Value:
+    """A number where it is one; 1e4 is a whole one."""
+    try:
+        number = float(word)
+    except ValueError:
+        return word
+    if not math.isfinite(number):
+        return word
+    return int(number) if number.is_integer() and "." not in word else number

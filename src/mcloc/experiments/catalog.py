@@ -1,0 +1,33 @@
+"""The studies by number."""
+
+from collections.abc import Mapping
+
+from mcloc.errors import ConfigError
+from mcloc.experiments import (
+    e01_motion_density,
+    e02_scan_likelihood,
+    e03_global_localization,
+    e05_sample_size,
+    e14_adaptive_sizes,
+)
+from mcloc.experiments.study import Study
+from mcloc.registry import suggest
+
+STUDIES: Mapping[str, Study] = {
+    study.number: study
+    for study in (
+        e01_motion_density.STUDY,
+        e02_scan_likelihood.STUDY,
+        e03_global_localization.STUDY,
+        e05_sample_size.STUDY,
+        e14_adaptive_sizes.STUDY,
+    )
+}
+
+
+def study_named(number: str) -> Study:
+    """The study E5 by "E5", "e5", "e05" or "5". Raises ConfigError for one that is unknown."""
+    digits = number.strip().lower().removeprefix("e").lstrip("0")
+    if f"E{digits}" not in STUDIES:
+        raise ConfigError(f"unknown study {number!r}; {suggest(number.upper(), STUDIES)}")
+    return STUDIES[f"E{digits}"]

@@ -1,0 +1,120 @@
+"""A study: factors, a function from one setting and seed to a record, claims, a picture.
+
+A claim is written down with its prediction before the full run, and decided by a function of the
+table alone: whatever comes out is its verdict.
+"""
+
+import inspect
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+from mcloc import __version__
+from mcloc.evaluation.intervals import Interval
+from mcloc.experiments.table import Record, Setting, Table, Value
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Verdict(StrEnum):
+    """What became of a claim."""
+
+    REPRODUCED = "reproduced"
+    IN_PART = "reproduced in part"
+    NOT = "not reproduced"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict with the figure that decides it.
+
+    what: the figure in words, with its unit. figure: its value with a 95 % interval. note: what
+    else has to be known.
+    """
+
+    verdict: Verdict
+    what: str
+    figure: Interval
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a paper says, and how it is decided whether that holds here.
+
+    text: the claim. paper: the paper's figure for it. prediction: what is expected here, and the
+    rule that decides. decide: the rule.
+    """
+
+    text: str
+    paper: str
+    prediction: str
+    decide: Callable[[Table], Finding]
+
+
+def nothing_missing(setting: Setting) -> str | None:
+    """For studies that need no data."""
+    return None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study of a paper, or of a user.
+
+    number: such as "E5". source: where in which paper. about: what is done, and why it is done so
+    where the paper is silent (Markdown). factors: {name: values}, all combined. run: from a setting
+    and a seed to what is measured, the same bytes each time except for what is named in `timed`.
+    metrics: {name: what it is, with its unit}, those that are told in tables. seeds: of the full
+    run; the same ones in all settings, so that these can be compared in pairs. applies: leaves out
+    combinations. missing: what a setting lacks here, or None. pooled: {what it is: from the rows of
+    a setting}, told beside the metrics. over: factors over which tables sum up, as over seeds.
+    command: that which runs it.
+    """
+
+    number: str
+    title: str
+    source: str
+    about: str
+    factors: Mapping[str, Sequence[Value]]
+    run: Callable[[Setting, int], Record]
+    metrics: Mapping[str, str]
+    claims: tuple[Claim, ...]
+    draw: "Callable[[Table, Figure], None]"
+    seeds: int
+    timed: tuple[str, ...] = ()
+    applies: Callable[[Setting], bool] = lambda setting: True
+    missing: Callable[[Setting], str | None] = nothing_missing
+    pooled: Mapping[str, Callable[[Table], str]] = field(default_factory=dict)
+    over: tuple[str, ...] = ()
+    command: str = ""
+
+    def __post_init__(self) -> None:
+        assert not set(self.factors) & set(self.metrics)  # they are columns of one table
+
+    @property
+    def folder(self) -> str:
+        """The name of the folder of its results, such as e05."""
+        return f"e{int(self.number[1:]):02d}" if self.number[1:].isdigit() else self.number
+
+    def settings(self) -> list[Setting]:
+        """All of them, also those for which something is missing here."""
+        combined = itertools.product(*self.factors.values())
+        settings = [dict(zip(self.factors, values, strict=True)) for values in combined]
+        return [setting for setting in settings if self.applies(setting)]
+
+    @property
+    def fingerprint(self) -> str:
+        """Tells its runs from those of a study that makes them otherwise, or of another mcloc.
+
+        Claims and pictures are no part of it, nor are the values of factors: rows that are there
+        can be looked at anew, and others added to them.
+        """
+        run: Any = self.run
+        function, bound = (run.func, run.args) if isinstance(run, partial) else (run, ())
+        told = [__version__, self.number, repr(bound), inspect.getsource(function)]
+        return sha256("\n".join(told).encode()).hexdigest()[:16]

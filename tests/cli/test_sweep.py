@@ -1,0 +1,154 @@
+"""`mcloc sweep` on a short drive: the runs are those of `mcloc run`."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from .conftest import Mcloc
+
+
+@pytest.fixture
+def files(drive: Path) -> list[object]:
+    return [
+        *("--map", drive / "map.yaml", "--log", drive / "log.gz"),
+        *("--truth", drive / "truth.csv"),
+    ]
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "table.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_combination_is_run_with_every_seed(
+    mcloc: Mcloc, files: list[object], tmp_path: Path
+) -> None:
+    done = mcloc(
+        *("sweep", *files, "--vary", "sensor.sigma_hit=0.05,0.2", "--vary", "particles=300,1e3"),
+        *("--set", "size.minimum=100", "--seeds", 2, "--jobs", 1, "--out", tmp_path),
+    )
+    assert (done.code, done.stderr) == (0, "")
+    rows = rows_of(tmp_path)
+    assert [(r["sensor.sigma_hit"], r["particles"], r["seed"]) for r in rows] == [
+        (sigma, n, seed) for sigma in ("0.05", "0.2") for n in ("300", "1000") for seed in "01"
+    ]
+    assert all(r["error"] == "" and 0.0 < float(r["position_m"]) < 0.5 for r in rows)
+    assert "median position error, m" in done.stdout
+    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+    assert "Tracked from the true start" in (tmp_path / "study.md").read_text(encoding="utf-8")
+
+
+def test_a_run_of_a_sweep_is_a_run(
+    mcloc: Mcloc, files: list[object], start: str, tmp_path: Path
+) -> None:
+    """The same accuracy as by `mcloc run` with the same seed, settings and start."""
+    run = mcloc(
+        *("run", *files, "--initial", start, "--seed", 1, "--set", "sensor.sigma_hit=0.2"),
+        *("--out", tmp_path / "run", "--no-plot", "--json"),
+    )
+    accuracy = json.loads(run.stdout)["accuracy"]
+    out = tmp_path / "sweep"
+    mcloc(
+        *("sweep", *files, "--vary", "sensor.sigma_hit=0.2", "--seeds", 2, "--jobs", 1),
+        *("--out", out),
+    )
+    row = rows_of(out)[1]
+    # The start is written in degrees on the one command line: not to the last bit the same.
+    assert float(row["position_m"]) == pytest.approx(accuracy["position_median_m"], rel=0.02)
+    assert float(row["rmse_m"]) == pytest.approx(accuracy["position_rmse_m"], rel=0.02)
+
+
+def test_starts_search_from_several_moments(
+    mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    folder = tmp_path_factory.mktemp("longer")
+    mcloc("simulate", "--length", 22, "--seed", 1, "--format", "carmen", "--out", folder)
+    done = mcloc(
+        *("sweep", "--map", folder / "map.yaml", "--log", folder / "log.gz"),
+        *("--truth", folder / "truth.csv", "--vary", "recovery=none,augmented"),
+        *("--starts", 3, "--seeds", 1, "--jobs", 1, "--json", "--out", tmp_path),
+    )
+    assert done.code == 0
+    told = json.loads(done.stdout)
+    assert [row["recovery"] for row in told] == ["none", "augmented"]
+    assert all(row["runs"] == "3" and " of 3, " in row["converged"] for row in told)
+    assert [row["start"] for row in rows_of(tmp_path)] == ["0", "1", "2"] * 2
+
+
+def test_teleports_tell_how_soon_the_robot_is_found(
+    mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    folder = tmp_path_factory.mktemp("longer")
+    mcloc("simulate", "--length", 80, "--seed", 1, "--format", "carmen", "--out", folder)
+    done = mcloc(
+        *("sweep", "--map", folder / "map.yaml", "--log", folder / "log.gz"),
+        *("--truth", folder / "truth.csv", "--vary", "recovery=augmented"),
+        *("--teleports", 0.03, "--seeds", 2, "--jobs", 1, "--json", "--out", tmp_path),
+    )
+    assert done.code == 0
+    (told,) = json.loads(done.stdout)
+    rows = rows_of(tmp_path)
+    carried_off = [len(json.loads(row["recoveries"])) for row in rows]
+    assert sum(carried_off) > 0
+    assert told["found within 20 m"] != "–"
+    assert "carried off with p = 0.03 per metre" in (tmp_path / "study.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "what is to be varied? Give --vary sensor.sigma_hit=0.05,0.1,0.2"),
+        (["--vary", "sensor.sigma_hit"], "--vary takes name=value,value,..., such as"),
+        (["--vary", "sensor.sigma_hit=0.1,,2"], "--vary takes name=value,value,..., such as"),
+        (["--vary", "sensor.sigma_hit=0.1,0.1"], "--vary sensor.sigma_hit: a value is given twice"),
+        (["--vary", "sensor.sigma_hot=1,2"], "sensor 'likelihood-field' has no parameter"),
+        (["--vary", "sensor.sigma_hit=0.1,-3"], "sensor.sigma_hit = -3.0 m must be >= 0.001"),
+        (["--vary", "sensor=lidar"], "unknown sensor 'lidar'"),
+        (["--vary", "wheels.a=1"], "unknown part 'wheels'"),
+        (["--vary", "wheels=1"], "--vary: unknown name 'wheels'"),
+        (["--vary", "particles=0,5"], "a filter needs at least one particle, got 0"),
+        (["--vary", "particles=many"], "--vary particles: a whole number, got 'many'"),
+        (["--vary", "seed=1,2"], "--vary: unknown name 'seed'"),
+        (["--vary", "pace=offline", "--starts", "99", "--teleports", "0.1"], "--starts and"),
+        (["--vary", "pace=offline", "--teleports", "1.5"], "--teleports is a chance per metre"),
+        (
+            ["--vary", "pace=offline", "--starts", "2"],
+            "the truth is 14.3 m long; searches need 15 m",
+        ),
+    ],
+)
+def test_wrong_input_is_told_before_anything_is_run(
+    mcloc: Mcloc, files: list[object], tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    done = mcloc("sweep", *files, *arguments, "--out", tmp_path / "out")
+    assert done.code == 2
+    assert done.stderr.startswith(f"error: {message}")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_sweep_needs_a_truth_and_a_log(mcloc: Mcloc, drive: Path, tmp_path: Path) -> None:
+    vary = ("--vary", "sensor.sigma_hit=0.1", "--out", tmp_path / "out")
+    done = mcloc("sweep", "--map", drive / "map.yaml", "--log", drive / "log.gz", *vary)
+    assert (done.code, done.stderr) == (
+        2,
+        "error: which truth? A sweep compares with one: give --truth FILE\n",
+    )
+    assert mcloc("sweep", *vary).stderr.startswith("error: which log?")
+
+
+def test_missing_files_are_told_before_anything_is_run(
+    mcloc: Mcloc, drive: Path, tmp_path: Path
+) -> None:
+    files = {"map": drive / "map.yaml", "log": drive / "log.gz", "truth": drive / "truth.csv"}
+    for name in files:
+        given = {**files, name: drive / "nothing"}
+        arguments = [word for role, path in given.items() for word in (f"--{role}", path)]
+        done = mcloc(
+            "sweep", *arguments, "--vary", "sensor.sigma_hit=0.1", "--out", tmp_path / "out"
+        )
+        assert done.code == 2
+        assert f"{drive / 'nothing'}" in done.stderr
+        assert not (tmp_path / "out").exists()
