@@ -1,6 +1,7 @@
 """`mcloc sweep` on a short drive: the runs are those of `mcloc run`."""
 
 import csv
+import gzip
 import json
 from pathlib import Path
 
@@ -72,8 +73,9 @@ def test_starts_search_from_several_moments(
     )
     assert done.code == 0
     told = json.loads(done.stdout)
-    assert [row["recovery"] for row in told] == ["none", "augmented"]
-    assert all(row["runs"] == "3" and " of 3, " in row["converged"] for row in told)
+    assert [row["setting"] for row in told] == [{"recovery": "none"}, {"recovery": "augmented"}]
+    assert all(row["runs"] == 3 and 0.0 <= row["converged"]["value"] <= 1.0 for row in told)
+    assert all(row["converged"]["known_of"] == 3 for row in told)
     assert [row["start"] for row in rows_of(tmp_path)] == ["0", "1", "2"] * 2
 
 
@@ -115,7 +117,7 @@ def test_teleports_tell_how_soon_the_robot_is_found(
         (["--vary", "pace=offline", "--teleports", "1.5"], "--teleports is a chance per metre"),
         (
             ["--vary", "pace=offline", "--starts", "2"],
-            "the truth is 14.3 m long; searches need 15 m",
+            "--starts 2: the truth is 14.3 m long, and 0 of its",
         ),
     ],
 )
@@ -152,3 +154,90 @@ def test_missing_files_are_told_before_anything_is_run(
         assert done.code == 2
         assert f"{drive / 'nothing'}" in done.stderr
         assert not (tmp_path / "out").exists()
+
+
+def test_what_is_set_holds_also_where_parts_are_varied(
+    mcloc: Mcloc, files: list[object], tmp_path: Path
+) -> None:
+    mcloc(
+        *("sweep", *files, "--vary", "size=fixed", "--set", "size.particles=70", "--seeds", 1),
+        *("--jobs", 1, "--out", tmp_path),
+    )
+    assert [row["drawn"] for row in rows_of(tmp_path)] == ["70.0"]
+
+
+def test_the_start_is_that_of_the_log_where_the_truth_begins_before(
+    mcloc: Mcloc, drive: Path, tmp_path: Path
+) -> None:
+    with gzip.open(drive / "log.gz", "rt") as file:
+        lines = file.readlines()
+    later = tmp_path / "later.log.gz"
+    with gzip.open(later, "wt") as file:
+        file.writelines(lines[int(0.4 * len(lines)) :])
+    mcloc(
+        *("sweep", "--map", drive / "map.yaml", "--log", later, "--truth", drive / "truth.csv"),
+        *("--vary", "recovery=none", "--seeds", 1, "--jobs", 1, "--out", tmp_path / "out"),
+    )
+    (row,) = rows_of(tmp_path / "out")
+    assert float(row["lost"]) == 0.0
+
+
+def test_a_config_says_which_part_of_the_log_but_not_where_the_robot_starts(
+    mcloc: Mcloc, files: list[object], tmp_path: Path
+) -> None:
+    config = tmp_path / "config.yaml"
+    config.write_text("initial: [1.0, 2.0, 3.0]\nstart: 5.0\nend: 20.0\nseed: 77\nthreads: 2\n")
+    done = mcloc(
+        *("sweep", *files, "--config", config, "--vary", "recovery=none", "--seeds", 1),
+        *("--jobs", 1, "--out", tmp_path / "out"),
+    )
+    assert done.code == 0
+    (row,) = rows_of(tmp_path / "out")
+    assert (row["seed"], float(row["lost"])) == ("0", 0.0)
+
+
+def test_a_search_is_judged_up_to_the_first_kidnapping(
+    mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """Found at once, then carried off, and never found again without random particles."""
+    folder = tmp_path_factory.mktemp("kidnapped")
+    mcloc(
+        *("simulate", "--length", 40, "--kidnap-at", 50, "--seed", 2, "--format", "carmen"),
+        *("--out", folder),
+    )
+    files = ["--map", folder / "map.yaml", "--log", folder / "log.gz"]
+    mcloc(
+        *("sweep", *files, "--truth", folder / "truth.csv", "--vary", "recovery=none"),
+        *("--set", "size.minimum=50000", "--starts", 1, "--seeds", 1, "--jobs", 1),
+        *("--out", tmp_path),
+    )
+    (row,) = rows_of(tmp_path)
+    assert row["converged"] == "True"
+    assert json.loads(row["recoveries"])[0][1] is None
+    assert float(row["lost"]) > 0.2
+
+
+def test_a_truth_of_another_log_is_told(mcloc: Mcloc, drive: Path, tmp_path: Path) -> None:
+    other = tmp_path / "truth.csv"
+    other.write_text("t,x,y,theta\n90000.0,1,1,0\n90001.0,2,1,0\n")
+    done = mcloc(
+        *("sweep", "--map", drive / "map.yaml", "--log", drive / "log.gz", "--truth", other),
+        *("--vary", "recovery=none", "--out", tmp_path / "out"),
+    )
+    assert done.code == 2
+    assert done.stderr.startswith("error: the truth says nothing of the log: its stamps are 90000")
+
+
+def test_a_sweep_is_gone_on_with_with_more_values_but_not_with_other_settings(
+    mcloc: Mcloc, files: list[object], tmp_path: Path
+) -> None:
+    sweep = ("sweep", *files, "--seeds", 1, "--jobs", 1, "--out", tmp_path)
+    assert mcloc(*sweep, "--vary", "sensor.sigma_hit=0.1").code == 0
+    more = mcloc(*sweep, "--vary", "sensor.sigma_hit=0.1,0.2", "--resume")
+    assert more.code == 0
+    assert len(rows_of(tmp_path)) == 2
+    other = mcloc(
+        *sweep, "--vary", "sensor.sigma_hit=0.1", "--resume", "--set", "motion.alpha1=0.3"
+    )
+    assert other.code == 2
+    assert "was begun with other settings: " in other.stderr

@@ -13,6 +13,7 @@ from mcloc.experiments.study import Verdict
 from mcloc.experiments.table import Row, Table
 from mcloc.filters.particle_filter import Belief
 from mcloc.geometry import between
+from mcloc.localizer import Localizer
 from mcloc.particles import Particles
 from mcloc.trajectory import Trajectory
 
@@ -93,20 +94,26 @@ def test_tracking_worse_is_a_difference() -> None:
     assert found.figure.value == pytest.approx(-10.0, abs=2.0)
 
 
-def test_a_teleport_moves_each_sample_in_its_own_frame() -> None:
-    states = np.array([[1.0, 2.0], [0.0, 5.0], [0.0, math.pi / 2]])
-    belief = Belief(Particles.equal(states))
-    moved = e14.displaced(belief, np.array([2.0, 0.0, math.pi])).particles
-    np.testing.assert_allclose(moved.states[:2], [[3.0, 2.0], [0.0, 7.0]], atol=1e-12)
-    np.testing.assert_allclose(np.abs(moved.states[2]), [math.pi, math.pi / 2], atol=1e-12)
-    assert (moved.log_weights == belief.particles.log_weights).all()
+def test_a_teleport_moves_samples_and_hypotheses_each_in_its_own_frame() -> None:
+    driven = drive(e14.MUSEUM, 0, 20.0)
+    robot = Localizer(driven.grid, seed=1, initial=driven.truth.poses[0])
+    believed = list(robot.run(driven.events[:40]))[-1].pose
+    states = robot.belief.particles.states
+    move = np.array([2.0, 0.0, math.pi])
+    e14.displace(robot, move)
+    moved = between(states.T, robot.belief.particles.states.T)
+    np.testing.assert_allclose(moved[:, :2], np.tile(move[:2], (len(moved), 1)), atol=1e-9)
+    np.testing.assert_allclose(np.abs(moved[:, 2]), math.pi, atol=1e-9)
+    assert robot.update is not None
+    carried_along = between(believed, robot.update.hypotheses[0].mean)
+    assert np.hypot(*carried_along[:2]) == pytest.approx(2.0, abs=0.25)  # and the way since
 
 
 class Recorder:
     """What Teleports needs of a localizer."""
 
     def __init__(self) -> None:
-        self.belief = Belief(Particles.equal(np.zeros((3, 1))))
+        self.belief, self.update = Belief(Particles.equal(np.zeros((3, 1)))), None
 
 
 def test_teleports_are_of_2_metres_and_about_half_a_turn_at_the_rate_of_the_paper() -> None:

@@ -73,7 +73,9 @@ def test_a_journal_is_not_overwritten(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", list(HEADER))
 def test_rows_of_another_study_are_not_gone_on_with(tmp_path: Path, name: str) -> None:
     written(tmp_path)
-    with pytest.raises(StateError, match=f"begun with {name} = .*; give another --out"):
+    with pytest.raises(
+        StateError, match=rf"begun with {name} .*, not other: .*; give another --out"
+    ):
         Journal(tmp_path, {**HEADER, name: "other"}, resume=True)
 
 

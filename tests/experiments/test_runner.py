@@ -2,13 +2,14 @@
 
 import csv
 import json
-from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mcloc.errors import ConfigError, StateError
-from mcloc.experiments.runner import Plan, conduct
+from mcloc.experiments.plan import Plan
+from mcloc.experiments.runner import conduct, opened
 from mcloc.experiments.table import Record, Row, Setting
 
 from .conftest import toy_run, toy_study
@@ -126,12 +127,18 @@ def test_a_setting_that_tells_nothing_decides_nothing(out: Path) -> None:
     assert claim["verdict"] == "not reproduced"
     assert claim["figure"] == "nothing: all runs of some setting raised"
     assert claim["value"] is None
+    assert not (out / "figure.png").exists()
+    assert "2 of 6" not in (out / "study.md").read_text(encoding="utf-8")
+    assert "**3 of 6 runs raised:**" in (out / "study.md").read_text(encoding="utf-8")
 
 
 def test_what_is_missing_here_is_left_out_and_told(out: Path) -> None:
     study = toy_study(missing=lambda s: "no second floor" if s["x"] == 2 else None)
     table = conduct(Plan.of(study), out)
     assert table.values("x") == [1]
+    claim = json.loads((out / "verdict.json").read_text(encoding="utf-8"))["claims"][0]
+    assert claim["verdict"] == "reproduced in part"  # what is missing might have contradicted
+    assert claim["note"] == "1 settings were left out."
     assert "Left out, 1 settings: no second floor." in (out / "study.md").read_text("utf-8")
 
 
@@ -145,26 +152,75 @@ def test_no_runs_are_no_study() -> None:
         Plan.of(toy_study(), 0)
 
 
-def other_run(setting: Setting, seed: int) -> Record:
-    return toy_run(setting, seed + 1)
-
-
-@pytest.mark.parametrize("change", [{"run": other_run}, {"number": "E98"}])
-def test_runs_made_otherwise_are_not_mixed(out: Path, change: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    ("change", "named"), [({"number": "E98"}, "study"), ({"base": "other"}, "other settings")]
+)
+def test_runs_of_something_else_are_not_mixed(
+    out: Path, change: dict[str, object], named: str
+) -> None:
     conduct(Plan.of(toy_study(), 1), out)
-    with pytest.raises(StateError, match=r"begun with (fingerprint|study)"):
+    with pytest.raises(StateError, match=f"begun with {named}"):
         conduct(Plan.of(toy_study(**change)), out, resume=True)
 
 
-def bound_run(offset: float, setting: Setting, seed: int) -> Record:
-    return {"y": offset + seed}
+def test_runs_by_another_mcloc_are_not_mixed(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    conduct(Plan.of(toy_study(), 1), out)
+    monkeypatch.setattr("mcloc.experiments.runner.sources", lambda: "another")
+    with pytest.raises(StateError, match="begun with mcloc"):
+        conduct(Plan.of(toy_study()), out, resume=True)
 
 
-def test_runs_with_other_values_bound_are_not_mixed(out: Path) -> None:
-    one, other = (toy_study(run=partial(bound_run, offset), metrics={}) for offset in (1.0, 2.0))
-    conduct(Plan.of(one, 2), out)
-    with pytest.raises(StateError, match="begun with fingerprint"):
-        conduct(Plan.of(other, 2), out, resume=True)
+def test_runs_on_other_files_of_the_same_name_are_not_mixed(out: Path, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text("a drive")
+    study = toy_study(inputs=lambda: [log])
+    conduct(Plan.of(study, 1), out)
+    conduct(Plan.of(study, 2), out, resume=True)
+    log.write_text("another one")
+    with pytest.raises(StateError, match="other input files, or they have changed"):
+        conduct(Plan.of(study), out, resume=True)
+
+
+def test_what_raised_is_made_again(out: Path) -> None:
+    healthy = False
+
+    def sick(setting: Setting, seed: int) -> Record:
+        if seed == 1 and not healthy:
+            raise ValueError("no log there")
+        return toy_run(setting, seed)
+
+    study = toy_study(run=sick)
+    assert len(conduct(Plan.of(study), out).failed) == 2
+    healthy = True
+    seen: list[Row | None] = []
+    table = conduct(Plan.of(study), out, resume=True, done=seen.append)
+    assert sum(row is not None for row in seen) == 2
+    assert table.failed == ()
+    assert len(table) == 6
+
+
+def test_a_start_that_was_refused_leaves_nothing_in_the_way(out: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no scheduler answers|needs Dask"):
+        conduct(Plan.of(toy_study()), out, cluster="tcp://127.0.0.1:9")
+    assert len(conduct(Plan.of(toy_study()), out)) == 6
+
+
+def test_two_do_not_write_one_journal(out: Path) -> None:
+    with (
+        opened(Plan.of(toy_study()), out, resume=False),
+        pytest.raises(StateError, match="at work"),
+    ):
+        conduct(Plan.of(toy_study()), out)
+
+
+@pytest.mark.parametrize("value", [float("nan"), object(), np.int64(3)])
+def test_what_cannot_be_kept_is_an_error_of_its_run(out: Path, value: object) -> None:
+    def odd(setting: Setting, seed: int) -> Record:
+        return {**toy_run(setting, seed), "odd": value if seed == 1 else 0}
+
+    table = conduct(Plan.of(toy_study(run=odd)), out)
+    assert [row.seed for row in table.failed] == [1, 1]
+    assert "JSON" in str(table.failed[0].error)
 
 
 def test_more_values_of_a_factor_are_added_to_what_is_there(out: Path) -> None:

@@ -8,8 +8,8 @@ import typer
 from mcloc.errors import ConfigError
 
 if TYPE_CHECKING:
-    from mcloc.experiments.runner import Plan
-    from mcloc.experiments.table import Row, Table
+    from mcloc.experiments.plan import Plan
+    from mcloc.experiments.table import Table
 
 Jobs = Annotated[
     int,
@@ -34,22 +34,35 @@ def conducted(
     """Make the runs of a plan, with a progress bar; their table. Raises McLocError."""
     from mcloc.cli.progress import counted
     from mcloc.experiments.runner import conduct
-    from mcloc.report import check_folder
 
+    total = len(plan.tasks())
+    with counted(f"runs of {plan.study.number}", total) as advance:
+        try:
+            return conduct(
+                plan,
+                folder,
+                jobs=jobs,
+                cluster=cluster,
+                resume=resume,
+                done=lambda row: advance(before=row is None),
+            )
+        except KeyboardInterrupt:
+            lines = (folder / "journal.jsonl").read_bytes().count(b"\n")
+            typer.echo(f"{lines - 1} of {total} runs are in {folder}; --resume goes on", err=True)
+            raise
+
+
+def check_jobs(jobs: int) -> None:
+    """Raises ConfigError for what is no number of processes."""
     if jobs == 0 or jobs < -1:
         raise ConfigError(f"--jobs is a number of processes >= 1, or -1 for one a core, got {jobs}")
-    check_folder(folder)
-    total = len(plan.tasks())
-    finished = 0
-    with counted(f"runs of {plan.study.number}", total) as advance:
 
-        def done(row: "Row | None") -> None:
-            nonlocal finished
-            finished += 1
-            advance(before=row is None)
 
-        try:
-            return conduct(plan, folder, jobs=jobs, cluster=cluster, resume=resume, done=done)
-        except KeyboardInterrupt:
-            typer.echo(f"{finished} of {total} runs are in {folder}; --resume goes on", err=True)
-            raise
+def check_some(table: "Table") -> None:
+    """Tell of runs that raised; exit code 1 where all did."""
+    for row in table.failed[:1]:
+        typer.echo(
+            f"{len(table.failed)} of {len(table)} runs raised, the first: {row.error}", err=True
+        )
+        if len(table.failed) == len(table):
+            raise typer.Exit(1)

@@ -5,23 +5,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mcloc.cli.fleet import Cluster, Jobs, Resume, conducted
+from mcloc.cli.fleet import Cluster, Jobs, Resume, check_jobs, check_some, conducted
 from mcloc.errors import ConfigError
 
 if TYPE_CHECKING:
-    from mcloc.experiments.runner import Plan
+    from mcloc.experiments.plan import Plan
 
-studies = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+studies = typer.Typer(rich_markup_mode=None)
 
 
-@studies.callback()
-def about() -> None:
+@studies.callback(invoke_without_command=True)
+def about(context: typer.Context) -> None:
     """Reproduce the studies of the papers: what they claim, and what comes out here.
 
     \b
       mcloc study list
       mcloc study run E5
     """
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @studies.command("list")
@@ -100,32 +102,40 @@ def run_studies(
 
     \b
       dask scheduler
-      dask worker tcp://127.0.0.1:8786
+      dask worker tcp://127.0.0.1:8786 --nthreads 1
       mcloc study run E5 --cluster tcp://127.0.0.1:8786
 
     Each finished run goes into journal.jsonl at once; after an interruption or a crash --resume
     goes on from there. At the end the study's folder holds table.csv, verdict.json, figure.png and
     study.md. Studies on recorded logs look for them in the folder that MCLOC_DATA names; what is
-    not there is left out, and told. Exit codes: 0 done, whatever the verdicts; 2 the input was
-    wrong; 130 interrupted.
+    not there is left out, and told. Exit codes: 0 done, whatever the verdicts; 1 every run of a
+    study raised; 2 the input was wrong; 130 interrupted.
     """
     import json as as_json
 
     from mcloc.experiments.catalog import study_named
-    from mcloc.experiments.runner import Plan
+    from mcloc.experiments.plan import Plan
+    from mcloc.experiments.runner import opened
+    from mcloc.report import check_folder
 
-    plans = [Plan.of(study, runs) for study in map(study_named, dict.fromkeys(numbers))]
+    check_jobs(jobs)
+    plans = [Plan.of(study, runs) for study in map(study_named, numbers)]
     if len({plan.study.number for plan in plans}) < len(plans):
         raise ConfigError(f"a study is named twice: {' '.join(numbers)}")
-    verdicts = []
+    for plan in plans:  # all of them, before hours go into the first
+        check_folder(out / plan.study.folder)
+        opened(plan, out / plan.study.folder, resume).close()
+    tables, verdicts = [], []
     for plan in plans:
         folder = out / plan.study.folder
-        conducted(plan, folder, jobs=jobs, cluster=cluster, resume=resume)
+        tables.append(conducted(plan, folder, jobs=jobs, cluster=cluster, resume=resume))
         verdicts.append(_verdict(folder))
         if not json:
             _print(plan, verdicts[-1], folder)
     if json:
         typer.echo(as_json.dumps(verdicts, indent=2, ensure_ascii=False))
+    for table in tables:
+        check_some(table)
 
 
 def _verdict(folder: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mcloc.cli.fleet import Cluster, Jobs, Resume, conducted
+from mcloc.cli.fleet import Cluster, Jobs, Resume, check_jobs, check_some, conducted
 from mcloc.cli.values import pose, settings, topics, varied
 from mcloc.errors import ConfigError
 
@@ -47,7 +47,9 @@ def sweep(
     assignments: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="PART.NAME=VALUE", help="A parameter that is the same in all runs."
+            "--set",
+            metavar="PART.NAME=VALUE",
+            help="A parameter that is the same in all runs, also where parts are varied.",
         ),
     ] = None,
     config: Annotated[
@@ -98,21 +100,26 @@ def sweep(
       mcloc sweep --map floor.yaml --log drive.log.gz --truth truth.csv
         --vary particles=1000,5000,20000 --vary size=fixed --starts 10
 
-    Would a computer that is 10 times slower keep up?
+    Would a computer that is 10 times slower keep up? One process, so that they do not slow each
+    other down:
 
     \b
       mcloc sweep --map floor.yaml --log drive.log.gz --truth truth.csv
-        --vary pace.slowdown=1,3,10 --vary pace=measured
+        --vary pace=measured --vary pace.slowdown=1,3,10 --jobs 1
 
-    The folder of --out gets table.csv (a row for each run), figure.png and study.md (intervals
-    included); journal.jsonl takes each run as it is finished, for --resume.
+    Where the robot starts follows from the truth, whatever a --config says; its start and end say
+    which part of the log is used. The folder of --out gets table.csv (a row for each run),
+    figure.png and study.md (intervals included); journal.jsonl takes each run as it is finished,
+    for --resume, which also makes those again that raised. Exit codes: 0 done, 1 every run raised,
+    2 the input was wrong, 130 interrupted.
     """
     import json as as_json
 
     from mcloc.config import merged, read_entries
-    from mcloc.experiments.results import summary
-    from mcloc.experiments.runner import Plan
+    from mcloc.experiments.plan import Plan
+    from mcloc.experiments.results import figures, summary
     from mcloc.experiments.sweep import Sweep, checked, study
+    from mcloc.report import check_folder
 
     entries: dict[str, Any] = {} if config is None else read_entries(config)
     given = {
@@ -123,22 +130,21 @@ def sweep(
         "mount": pose("--mount", mount),
     }
     entries = merged(entries, {key: value for key, value in given.items() if value is not None})
-    entries = merged(entries, {"settings": settings(assignments or [])})
     if "log" not in entries:
         raise ConfigError("which log? Give --log FILE, or --config with one in it")
-    wanted = Sweep(entries, varied(vary or []), starts, teleports)
+    wanted = Sweep(entries, settings(assignments or []), varied(vary or []), starts, teleports)
+    check_jobs(jobs)
     checked(wanted)
+    check_folder(out)
     plan = Plan.of(study(wanted, seeds, shlex.join(["mcloc", *sys.argv[1:]])))
     table = conducted(plan, out, jobs=jobs, cluster=cluster, resume=resume)
-    head, rows = summary(plan.study, table)
     if json:
-        told = [dict(zip(head, cells, strict=True)) for cells in rows]
+        told = figures(plan.study, table)
         typer.echo(as_json.dumps(told, indent=2, ensure_ascii=False))
-        return
-    _print(head, rows)
-    for row in table.failed[:1]:
-        typer.echo(f"{len(table.failed)} of {len(table)} runs raised; the first: {row.error}")
-    typer.echo(f"results: {out / 'study.md'}, picture: {out / 'figure.png'}")
+    else:
+        _print(*summary(plan.study, table))
+        typer.echo(f"results: {out / 'study.md'}, picture: {out / 'figure.png'}")
+    check_some(table)
 
 
 def _print(head: list[str], rows: list[list[str]]) -> None:

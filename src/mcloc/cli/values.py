@@ -6,6 +6,8 @@ from mcloc.errors import ConfigError
 
 Value = int | float | str
 
+LARGEST_WHOLE = 2.0**53
+
 Triple = tuple[float, float, float]
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
@@ -92,4 +94,5 @@ def _typed(word: str) -> Value:
         return word
     if not math.isfinite(number):
         return word
-    return int(number) if number.is_integer() and "." not in word else number
+    whole = number.is_integer() and "." not in word and abs(number) < LARGEST_WHOLE
+    return int(number) if whole else number

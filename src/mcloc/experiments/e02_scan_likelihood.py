@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mcloc.evaluation.intervals import mean
 from mcloc.events import Scan
+from mcloc.experiments.places import files, recorded
 from mcloc.experiments.places import missing as missing_log
-from mcloc.experiments.places import recorded
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
 from mcloc.experiments.table import Record, Setting, Table
 from mcloc.geometry import Pose, compose
@@ -347,4 +347,5 @@ STUDY = Study(
     draw=draw,
     seeds=40,
     missing=missing,
+    inputs=files,
 )

@@ -13,7 +13,7 @@ from mcloc.estimate import Hypothesis, hypotheses
 from mcloc.evaluation.intervals import Interval, proportion
 from mcloc.experiments.driving import EVERY_SCAN
 from mcloc.experiments.look import Look
-from mcloc.experiments.places import Drive, drive, missing
+from mcloc.experiments.places import Drive, drive, files, missing
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
 from mcloc.experiments.table import Record, Row, Setting, Table
 from mcloc.filters.catalog import Composition
@@ -375,4 +375,5 @@ STUDY = Study(
     seeds=60,
     applies=applies,
     missing=missing,
+    inputs=files,
 )

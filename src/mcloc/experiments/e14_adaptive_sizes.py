@@ -1,6 +1,7 @@
 """E14: adaptive sample sets against fixed ones, tracking and with teleports [Fox99, Fig. 10]."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,13 +10,13 @@ from numpy.typing import NDArray
 from mcloc.evaluation.intervals import Interval, paired_difference
 from mcloc.events import Event, Scan
 from mcloc.experiments.driving import errors_of, localized
-from mcloc.experiments.places import Drive, drive, missing
+from mcloc.experiments.places import Drive, drive, files, missing
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
 from mcloc.experiments.table import Record, Setting, Table, Value
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import Belief
 from mcloc.geometry import Pose, compose
 from mcloc.localizer import Localizer
+from mcloc.localizer.estimate import carried
 from mcloc.localizer.pace import Modelled, Offline
 from mcloc.particles import Particles
 
@@ -116,7 +117,7 @@ class Teleports:
     def __call__(self, localizer: Localizer, event: Event) -> None:
         while self._moves and isinstance(event, Scan) and event.t >= self._moves[0][0]:
             _, move = self._moves.pop(0)
-            localizer.belief = displaced(localizer.belief, move)
+            displace(localizer, move)
             self.made += 1
 
 
@@ -127,10 +128,14 @@ def _displacement(rng: np.random.Generator) -> Pose:
     return np.array([SHIFT * math.cos(direction), SHIFT * math.sin(direction), turn])
 
 
-def displaced(belief: Belief, move: Pose) -> Belief:
-    """A belief with each sample moved in its own frame."""
-    states = np.ascontiguousarray(compose(belief.particles.states.T, move).T)
-    return Belief(Particles(states, belief.particles.log_weights), belief.evidence)
+def displace(localizer: Localizer, move: Pose) -> None:
+    """Move what a localizer believes: each sample, and each hypothesis, in its own frame."""
+    particles, update = localizer.belief.particles, localizer.update
+    states = np.ascontiguousarray(compose(particles.states.T, move).T)
+    localizer.belief = replace(localizer.belief, particles=Particles(states, particles.log_weights))
+    if update is not None:  # or scans that are lost would go by what was believed before
+        moved = tuple(carried(h, move) for h in update.hypotheses)
+        localizer.update = replace(update, hypotheses=moved)
 
 
 def suited(table: Table, place: str) -> str:
@@ -298,4 +303,5 @@ STUDY = Study(
     seeds=30,
     applies=applies,
     missing=missing,
+    inputs=files,
 )

@@ -1,8 +1,10 @@
 """Many runs at once: by joblib in processes of this machine, or by Dask on a cluster of them."""
 
+import json
 import logging
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import closing, contextmanager
@@ -42,7 +44,11 @@ def _here(run: Run, tasks: Sequence[Task], jobs: int) -> Generator[Row]:
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-    with closing(parallel(delayed(attempt)(run, *task) for task in tasks)) as rows:
+    with (
+        warnings.catch_warnings(),
+        closing(parallel(delayed(attempt)(run, *task) for task in tasks)) as rows,
+    ):
+        warnings.filterwarnings("ignore", module="joblib")  # that closing it early stops the rest
         try:
             yield from rows
         except TerminatedWorkerError as cause:
@@ -80,6 +86,7 @@ def attempt(run: Run, setting: Setting, seed: int) -> Row:
     began = time.perf_counter()
     try:
         record, error = run(setting, seed), None
+        json.dumps(record, allow_nan=False)  # or it could not be kept
     except Exception as cause:
         record, error = None, _told(cause)
     return Row(setting, seed, record, error, time.perf_counter() - began)

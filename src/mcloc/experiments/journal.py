@@ -4,16 +4,22 @@ The first line says which study it is of, each further one is a row. A line that
 crash is no row; it is overwritten.
 """
 
+import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from mcloc.errors import StateError
+from mcloc.errors import ConfigError, StateError
 from mcloc.experiments.table import Row, Setting
 
 NAME = "journal.jsonl"
+OTHER = {
+    "base": "other settings",
+    "inputs": "other input files, or they have changed since",
+}
+"""What differs, where the values themselves say little."""
 
 
 def key(setting: Setting, seed: int) -> str:
@@ -22,35 +28,48 @@ def key(setting: Setting, seed: int) -> str:
 
 
 class Journal:
-    """The rows of a study in a file of a folder.
+    """The rows of a study in a file of a folder, which nobody else writes meanwhile.
 
     header: what must be the same for rows to be of one study. resume: go on with what is there.
-    Raises StateError where there is a journal and it is not to be resumed, or is of another study.
+    Raises StateError where there are rows and they are not to be gone on with, or are of another
+    study, or another process is at work on them.
     """
 
     def __init__(self, folder: Path, header: Mapping[str, Any], resume: bool) -> None:
         self.path = folder / NAME
         self.header = dict(header)
         self.rows: dict[str, Row] = {}
-        whole = 0
-        if self.path.exists():
+        try:
+            self._file: IO[str] = self.path.open("a", encoding="utf-8")
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+        try:
+            self._lock()
             whole = self._read(resume)
-        self._file: IO[str] = self.path.open("a", encoding="utf-8")
-        self._file.truncate(whole)
-        if whole == 0:
-            self._write(self.header)
+            self._file.truncate(whole)
+            if whole == 0:
+                self._write(self.header)
+        except BaseException:
+            self._file.close()
+            raise
 
     def __enter__(self) -> "Journal":
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others have it."""
         self._file.close()
 
     def add(self, row: Row) -> None:
-        """Take note of a row; it is on the disk when this returns."""
-        if key(row.setting, row.seed) in self.rows:
+        """Take note of a row; it is on the disk when this returns. One that raised gives way to one
+        that did not.
+        """
+        known = self.rows.get(key(row.setting, row.seed))
+        if known is not None and known.record is not None:
             return
-        self.rows[key(row.setting, row.seed)] = row
         self._write(
             {
                 "setting": dict(row.setting),
@@ -60,11 +79,31 @@ class Journal:
                 "took_s": row.took,
             }
         )
+        self.rows[key(row.setting, row.seed)] = row
+
+    def has(self, setting: Setting, seed: int) -> bool:
+        """Whether a run was made; one that raised is made again."""
+        row = self.rows.get(key(setting, seed))
+        return row is not None and row.record is not None
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as cause:
+            raise StateError(
+                f"{self.path}: another mcloc is at work on it; wait for it, or give another --out"
+            ) from cause
+
+    def _unwritable(self, cause: OSError) -> ConfigError:
+        return ConfigError(f"{self.path}: cannot be written ({cause.strerror})")
 
     def _write(self, entry: Mapping[str, Any]) -> None:
-        self._file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        try:
+            self._file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
 
     def _read(self, resume: bool) -> int:
         """Take the rows in; how many bytes of the file are whole lines."""
@@ -72,8 +111,8 @@ class Journal:
         for entry, end in whole_lines(self.path):
             entries.append(entry)
             whole = end
-        if not entries:
-            return 0
+        if len(entries) < 2:
+            return 0  # nothing was made yet: this is the beginning
         if not resume:
             raise StateError(
                 f"{self.path}: holds {len(entries) - 1} runs already; go on with them by --resume, "
@@ -81,9 +120,10 @@ class Journal:
             )
         for name, value in self.header.items():
             if entries[0].get(name) != value:
+                began = OTHER.get(name) or f"{name} {entries[0].get(name)}, not {value}"
                 raise StateError(
-                    f"{self.path}: was begun with {name} = {entries[0].get(name)!r}, now it is "
-                    f"{value!r}: runs of both would be mixed; give another --out"
+                    f"{self.path}: was begun with {began}: runs of both would be mixed; give "
+                    "another --out"
                 )
         for entry in entries[1:]:
             row = _row(self.path, entry)
@@ -117,9 +157,15 @@ def whole_lines(path: Path) -> Iterator[tuple[dict[str, Any], int]]:
 
 
 def _row(path: Path, entry: Mapping[str, Any]) -> Row:
-    try:
-        return Row(
-            entry["setting"], entry["seed"], entry["record"], entry["error"], entry["took_s"]
-        )
-    except KeyError as cause:
-        raise StateError(f"{path}: a row without {cause}; give another --out") from cause
+    """The row of an entry. Raises StateError where it is none."""
+    kinds = {
+        "setting": dict,
+        "seed": int,
+        "record": dict | None,
+        "error": str | None,
+        "took_s": float | int,
+    }
+    for name, kind in kinds.items():
+        if name not in entry or not isinstance(entry[name], kind):
+            raise StateError(f"{path}: a row without {name!r} as it should be; give another --out")
+    return Row(*(entry[name] for name in kinds))

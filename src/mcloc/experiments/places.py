@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -67,6 +67,13 @@ def missing(setting: Setting) -> str | None:
         if not Path(folder, name).exists():
             return f"{VARIABLE} = {folder} holds no {name}"
     return None
+
+
+def files() -> list[Path]:
+    """Those of the recorded logs that are there."""
+    folder = os.environ.get(VARIABLE)
+    named = [] if not folder else [Path(folder, n) for f in RECORDED.values() for n in astuple(f)]
+    return [path for path in dict.fromkeys(named) if path.exists()]
 
 
 @cache

@@ -2,15 +2,16 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mcloc.evaluation.intervals import Interval, mean, number, proportion
+from mcloc.experiments.plan import Plan
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
-from mcloc.experiments.table import Row, Table, Value
+from mcloc.experiments.table import Row, Setting, Table, Value
 from mcloc.storage import replacing
 
 MOST_ERRORS = 5  # that are told one by one
@@ -24,43 +25,50 @@ def write_table(table: Table, folder: Path) -> None:
         _write_parquet(table, folder)
 
 
-def write_results(
-    study: Study,
-    seeds: int,
-    missing: Mapping[str, int],
-    table: Table,
-    folder: Path,
-    made_by: str,
-) -> list[tuple[Claim, Finding]]:
-    """All of them; what became of each claim. Raises ConfigError where a file cannot be written."""
+def write_results(plan: Plan, table: Table, folder: Path, made_by: str) -> None:
+    """All of them. Raises ConfigError where a file cannot be written."""
     write_table(table, folder)
-    found = [(claim, decided(claim, table)) for claim in study.claims]
+    found = [(claim, decided(claim, plan, table)) for claim in plan.study.claims]
     with replacing(folder / "verdict.json") as path:
-        verdicts = _verdicts(study, seeds, missing, table, found, made_by)
+        verdicts = _verdicts(plan, table, found, made_by)
         path.write_text(json.dumps(verdicts, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    with replacing(folder / "figure.png") as path:
-        draw(study, table, path)
     with replacing(folder / "study.md") as path:
-        lines = _page(study, seeds, missing, table, found, made_by)
+        lines = _page(plan, table, found, made_by)
         path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-    return found
+    if not complete(table):
+        (folder / "figure.png").unlink(missing_ok=True)
+        return
+    with replacing(folder / "figure.png") as path:
+        draw(plan.study, table, path)
 
 
-def decided(claim: Claim, table: Table) -> Finding:
-    """A claim's finding. Where a run raised, nobody knows what it would have shown: then a claim is
-    reproduced in part at best, and not at all where no run of some setting told anything.
-    """
-    settings = [tuple(row.setting.items()) for row in table.rows]
+def complete(table: Table) -> bool:
+    """Whether some run of every setting did not raise."""
+    settings = {tuple(row.setting.items()) for row in table.rows}
     told = {tuple(row.setting.items()) for row in table.rows if row.record is not None}
-    if not told.issuperset(settings):
+    return told == settings
+
+
+def decided(claim: Claim, plan: Plan, table: Table) -> Finding:
+    """A claim's finding.
+
+    Of runs that raised, and of settings that are missing here, nobody knows what they would have
+    shown: then a claim is reproduced in part at best, and not at all where no run of some setting
+    told anything.
+    """
+    if not complete(table):
         nothing = Interval(math.nan, math.nan, math.nan)
         return Finding(Verdict.NOT, "nothing: all runs of some setting raised", nothing)
     finding = claim.decide(table)
-    if not table.failed:
-        return finding
-    verdict = Verdict.IN_PART if finding.verdict is Verdict.REPRODUCED else finding.verdict
-    note = f"{finding.note} {len(table.failed)} of {len(table)} runs raised.".strip()
-    return replace(finding, verdict=verdict, note=note)
+    notes = [finding.note] if finding.note else []
+    if table.failed:
+        notes.append(f"{len(table.failed)} of {len(table)} runs raised.")
+    if plan.missing:
+        notes.append(f"{sum(plan.missing.values())} settings were left out.")
+    verdict = finding.verdict
+    if (table.failed or plan.missing) and verdict is Verdict.REPRODUCED:
+        verdict = Verdict.IN_PART
+    return replace(finding, verdict=verdict, note=" ".join(notes))
 
 
 def draw(study: Study, table: Table, path: Path) -> None:
@@ -73,21 +81,17 @@ def draw(study: Study, table: Table, path: Path) -> None:
 
 
 def _verdicts(
-    study: Study,
-    seeds: int,
-    missing: Mapping[str, int],
-    table: Table,
-    found: list[tuple[Claim, Finding]],
-    made_by: str,
+    plan: Plan, table: Table, found: list[tuple[Claim, Finding]], made_by: str
 ) -> dict[str, Any]:
+    study = plan.study
     return {
         "study": study.number,
         "title": study.title,
         "runs": len(table),
-        "seeds": seeds,
+        "seeds": plan.seeds,
         "seeds_in_full": study.seeds,
         "raised": len(table.failed),
-        "left_out": dict(missing),
+        "left_out": plan.missing,
         "made_by": made_by,
         "claims": [
             {
@@ -111,13 +115,9 @@ def _known(value: float) -> float | None:
 
 
 def _page(
-    study: Study,
-    seeds: int,
-    missing: Mapping[str, int],
-    table: Table,
-    found: list[tuple[Claim, Finding]],
-    made_by: str,
+    plan: Plan, table: Table, found: list[tuple[Claim, Finding]], made_by: str
 ) -> Iterator[str]:
+    study, seeds = plan.study, plan.seeds
     yield f"# {study.number}: {study.title}\n"
     yield f"{study.source}. Made by {made_by}, with\n"
     fewer = "" if seeds == study.seeds else f" --runs {seeds}"
@@ -125,7 +125,7 @@ def _page(
     if seeds < study.seeds:
         yield f"**{seeds} of {study.seeds} runs for each setting: too few to rely on.**\n"
     yield study.about.strip() + "\n"
-    for why, n in missing.items():
+    for why, n in plan.missing.items():
         yield f"Left out, {n} settings: {why}.\n"
     yield from _failures(table)
     if found:
@@ -135,7 +135,8 @@ def _page(
         yield f"- Predicted: {claim.prediction}"
         yield f"- Found: {finding.what}: {finding.figure}."
         yield f"- **{finding.verdict}**{f'. {finding.note}' if finding.note else ''}\n"
-    yield "![What was found](figure.png)\n"
+    if complete(table):
+        yield "![What was found](figure.png)\n"
     yield "## Results\n"
     yield "Mean over the seeds, with its 95 % interval; all runs are in table.csv.\n"
     yield from _summary(study, table)
@@ -165,24 +166,62 @@ def _summary(study: Study, table: Table) -> Iterator[str]:
         yield f"| {' | '.join(cells)} |"
 
 
-def summary(study: Study, table: Table) -> tuple[list[str], list[list[str]]]:
-    """The heads of columns, and a row of cells for each setting."""
+def by_setting(study: Study, table: Table) -> list[tuple[Setting, Table]]:
+    """Each setting, but for what tables sum up over, with its rows."""
     names = [name for name in study.factors if name not in study.over]
     settings = dict.fromkeys(
         tuple((name, row.setting[name]) for name in names) for row in table.rows
     )
-    lines = []
-    for setting in settings:
-        rows = table.where(**dict(setting))
-        lines.append(
-            [
-                *(_factor(value) for _, value in setting),
-                str(len(rows) - len(rows.failed)),
-                *(summarized(rows, metric) for metric in study.metrics),
-                *(text(rows) for text in study.pooled.values()),
-            ]
-        )
+    return [(dict(setting), table.where(**dict(setting))) for setting in settings]
+
+
+def summary(study: Study, table: Table) -> tuple[list[str], list[list[str]]]:
+    """The heads of columns, and a row of cells for each setting."""
+    names = [name for name in study.factors if name not in study.over]
+    lines = [
+        [
+            *(_factor(value) for value in setting.values()),
+            str(len(rows) - len(rows.failed)),
+            *(summarized(rows, metric) for metric in study.metrics),
+            *(text(rows) for text in study.pooled.values()),
+        ]
+        for setting, rows in by_setting(study, table)
+    ]
     return [*names, "runs", *study.metrics.values(), *study.pooled], lines
+
+
+def figures(study: Study, table: Table) -> list[dict[str, Any]]:
+    """The same in numbers: of each setting its metrics with their intervals, for JSON."""
+    return [
+        {
+            "setting": dict(setting),
+            "runs": len(rows) - len(rows.failed),
+            "raised": len(rows.failed),
+            **{metric: _figure(rows, metric) for metric in study.metrics},
+            **{name: text(rows) for name, text in study.pooled.items()},
+        }
+        for setting, rows in by_setting(study, table)
+    ]
+
+
+def _figure(rows: Table, metric: str) -> dict[str, Any] | None:
+    interval, known = estimated(rows, metric)
+    if interval is None:
+        return None
+    limits = {name: _known(getattr(interval, name)) for name in ("value", "low", "high")}
+    return {**limits, "known_of": known}
+
+
+def estimated(rows: Table, metric: str) -> tuple[Interval | None, int]:
+    """A metric over rows, None where it is known of none, and of how many it is known. What is true
+    or false is a share, with its exact interval; else it is a mean.
+    """
+    known = [record[metric] for record in rows.records() if record[metric] is not None]
+    if not known:
+        return None, 0
+    if all(isinstance(value, bool) for value in known):
+        return proportion(sum(known), len(known)), len(known)
+    return mean(known), len(known)
 
 
 def _factor(value: Value) -> str:
@@ -191,19 +230,16 @@ def _factor(value: Value) -> str:
 
 
 def summarized(rows: Table, metric: str) -> str:
-    """The mean of a metric with its interval, and of how many runs if it is not known of all. What
-    is true or false is a share, with its exact interval.
-    """
-    known = [record[metric] for record in rows.records() if record[metric] is not None]
-    if not known:
+    """A metric with its interval, and of how many runs if it is not known of all."""
+    interval, known = estimated(rows, metric)
+    if interval is None:
         return "–"
-    if all(isinstance(value, bool) for value in known):
-        text = f"{sum(known)} of {len(known)}, {proportion(sum(known), len(known))}"
-    elif len(known) > 1:
-        text = str(mean(known))
+    values = [record[metric] for record in rows.records() if record[metric] is not None]
+    if isinstance(values[0], bool):
+        text = f"{sum(values)} of {known}, {interval}"
     else:
-        text = number(float(known[0]))
-    return text if len(known) == len(rows) else f"{text}, {len(known)} of {len(rows)} runs"
+        text = str(interval) if known > 1 else number(interval.value)
+    return text if known == len(rows) else f"{text}, {known} of {len(rows)} runs"
 
 
 def _write_parquet(table: Table, folder: Path) -> None:

@@ -4,16 +4,13 @@ A claim is written down with its prediction before the full run, and decided by 
 table alone: whatever comes out is its verdict.
 """
 
-import inspect
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import partial
-from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mcloc import __version__
 from mcloc.evaluation.intervals import Interval
 from mcloc.experiments.table import Record, Setting, Table, Value
 
@@ -73,7 +70,9 @@ class Study:
     run; the same ones in all settings, so that these can be compared in pairs. applies: leaves out
     combinations. missing: what a setting lacks here, or None. pooled: {what it is: from the rows of
     a setting}, told beside the metrics. over: factors over which tables sum up, as over seeds.
-    command: that which runs it.
+    inputs: the files that runs read. base: what else all runs have in common, in words; runs of
+    another base, of other files or by another mcloc are not mixed with these. command: that which
+    runs it.
     """
 
     number: str
@@ -91,6 +90,8 @@ class Study:
     missing: Callable[[Setting], str | None] = nothing_missing
     pooled: Mapping[str, Callable[[Table], str]] = field(default_factory=dict)
     over: tuple[str, ...] = ()
+    inputs: Callable[[], Sequence[Path]] = tuple
+    base: str = ""
     command: str = ""
 
     def __post_init__(self) -> None:
@@ -106,15 +107,3 @@ class Study:
         combined = itertools.product(*self.factors.values())
         settings = [dict(zip(self.factors, values, strict=True)) for values in combined]
         return [setting for setting in settings if self.applies(setting)]
-
-    @property
-    def fingerprint(self) -> str:
-        """Tells its runs from those of a study that makes them otherwise, or of another mcloc.
-
-        Claims and pictures are no part of it, nor are the values of factors: rows that are there
-        can be looked at anew, and others added to them.
-        """
-        run: Any = self.run
-        function, bound = (run.func, run.args) if isinstance(run, partial) else (run, ())
-        told = [__version__, self.number, repr(bound), inspect.getsource(function)]
-        return sha256("\n".join(told).encode()).hexdigest()[:16]
