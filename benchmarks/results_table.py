@@ -18,7 +18,7 @@ from mcloc.experiments.catalog import STUDIES
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 KEPT = ("table.csv", "verdict.json", "figure.png", "study.md")
 START, END = "<!-- studies -->\n", "<!-- /studies -->\n"
-HEAD = ("study", "claim", "the paper's figure", "ours, with 95 % interval", "verdict", "command")
+HEAD = ("study", "about", "claim", "the paper's figure", "ours (95 %)", "verdict", "command")
 
 
 def rows(results: Path) -> Iterator[str]:
@@ -31,7 +31,8 @@ def rows(results: Path) -> Iterator[str]:
             continue
         claims = json.loads(file.read_text(encoding="utf-8"))["claims"]
         cells = [
-            f"{number} [{study.title}]({study.folder}/study.md)",
+            number,
+            f"[{study.title}]({study.folder}/study.md)",
             *(
                 "<br>".join(f"({k}) {cell(claim)}" for k, claim in enumerate(claims, 1))
                 for cell in (
