@@ -47,6 +47,12 @@ def test_a_run_that_raises_is_a_row_with_its_error_on_one_line() -> None:
     assert rows[1].error.startswith("ValueError: seed 1 is bad (test_engine.py:")
 
 
+def test_a_metric_named_as_a_factor_is_an_error() -> None:
+    row = attempt(lambda setting, seed: {"x": 1.0}, {"x": 1}, 0)
+    assert row.record is None
+    assert "x is a factor and a metric" in str(row.error)
+
+
 def test_interrupting_a_run_is_no_error_of_it() -> None:
     def interrupted(setting: Setting, seed: int) -> Record:
         raise KeyboardInterrupt

@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 from mcloc.experiments.catalog import STUDIES
-from mcloc.experiments.results import decided
 from mcloc.experiments.study import Study
-from mcloc.experiments.table import Row, Table, Value
+from mcloc.experiments.table import Row, Setting, Table, Value
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "results"
@@ -72,9 +71,28 @@ def test_the_verdicts_follow_from_the_table(study: Study) -> None:
     recorded = verdict_of(study)["claims"]
     assert isinstance(recorded, list)
     for claim, told in zip(study.claims, recorded, strict=True):
-        finding = decided(claim, table)
+        finding = claim.decide(table)
         assert (finding.verdict, finding.what) == (told["verdict"], told["figure"])
         assert str(finding.figure) == told["told"]
+
+
+CHEAP = {
+    "E1": {"step": 0.25, "noise": 1.0},
+    "E2": {"place": "generated office", "beams": 12.0},
+    "E5": {"place": "generated office", "pace": "1999", "scans": "all", "samples": 2000},
+}
+
+
+@pytest.mark.parametrize(("number", "setting"), CHEAP.items())
+def test_a_recorded_row_is_what_its_run_gives_today(number: str, setting: Setting) -> None:
+    """Not stale: within 2 %, since the last bits may differ from processor to processor."""
+    study = STUDIES[number]
+    table = read_csv(RESULTS / study.folder / "table.csv", study.factors).where(**setting)
+    recorded = next(row.record for row in table.rows if row.seed == 1)
+    assert recorded is not None
+    record = study.run(setting, 1)
+    for metric in study.metrics:
+        assert record[metric] == pytest.approx(recorded[metric], rel=0.02, abs=1e-3)
 
 
 def test_the_table_of_studies_is_that_of_the_verdicts() -> None:

@@ -79,7 +79,7 @@ def run(setting: Setting, seed: int) -> Record:
         "lost": errors.lost_fraction(TOLERANCE),
         "samples": float(drawn.mean()),
         "used": len(history.updates) / len(history),
-        "teleports": teleports.made,
+        "times_moved": teleports.made,
     }
 
 

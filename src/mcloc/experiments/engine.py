@@ -84,12 +84,20 @@ def attempt(run: Run, setting: Setting, seed: int) -> Row:
     """A run as a row, also where it raises. It has one thread, for there are many runs."""
     set_threads(1)
     began = time.perf_counter()
+    record: Record | None
     try:
-        record, error = run(setting, seed), None
-        json.dumps(record, allow_nan=False)  # or it could not be kept
+        record, error = _checked(run(setting, seed), setting), None
     except Exception as cause:
         record, error = None, _told(cause)
     return Row(setting, seed, record, error, time.perf_counter() - began)
+
+
+def _checked(record: Record, setting: Setting) -> Record:
+    """A record that a journal and a table can keep."""
+    json.dumps(record, allow_nan=False)
+    if both := set(record) & set(setting):
+        raise ValueError(f"{', '.join(both)} is a factor and a metric")
+    return record
 
 
 def _told(cause: Exception) -> str:
