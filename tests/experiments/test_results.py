@@ -5,7 +5,7 @@ import math
 import pytest
 
 from mcloc.evaluation.intervals import Interval
-from mcloc.experiments.results import summarized
+from mcloc.experiments.summary import summarized
 from mcloc.experiments.table import Row, Table
 
 

@@ -117,8 +117,9 @@ def sweep(
 
     from mcloc.config import merged, read_entries
     from mcloc.experiments.plan import Plan
-    from mcloc.experiments.results import figures, summary
-    from mcloc.experiments.sweep import Sweep, checked, study
+    from mcloc.experiments.summary import figures, summary
+    from mcloc.experiments.sweep import Sweep, checked
+    from mcloc.experiments.sweep_study import study
     from mcloc.report import check_folder
 
     entries: dict[str, Any] = {} if config is None else read_entries(config)

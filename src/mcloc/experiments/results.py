@@ -8,10 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mcloc.evaluation.intervals import Interval, mean, number, proportion
+from mcloc.evaluation.intervals import Interval
 from mcloc.experiments.plan import Plan
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
-from mcloc.experiments.table import Row, Setting, Table, Value
+from mcloc.experiments.summary import known, summary
+from mcloc.experiments.table import Row, Table
 from mcloc.storage import replacing
 
 MOST_ERRORS = 5  # that are told one by one
@@ -100,18 +101,14 @@ def _verdicts(
                 "prediction": claim.prediction,
                 "verdict": str(finding.verdict),
                 "figure": finding.what,
-                "value": _known(finding.figure.value),
-                "interval": [_known(finding.figure.low), _known(finding.figure.high)],
+                "value": known(finding.figure.value),
+                "interval": [known(finding.figure.low), known(finding.figure.high)],
                 "told": str(finding.figure),
                 "note": finding.note,
             }
             for claim, finding in found
         ],
     }
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _page(
@@ -164,82 +161,6 @@ def _summary(study: Study, table: Table) -> Iterator[str]:
     yield "|" + "---|" * len(head)
     for cells in rows:
         yield f"| {' | '.join(cells)} |"
-
-
-def by_setting(study: Study, table: Table) -> list[tuple[Setting, Table]]:
-    """Each setting, but for what tables sum up over, with its rows."""
-    names = [name for name in study.factors if name not in study.over]
-    settings = dict.fromkeys(
-        tuple((name, row.setting[name]) for name in names) for row in table.rows
-    )
-    return [(dict(setting), table.where(**dict(setting))) for setting in settings]
-
-
-def summary(study: Study, table: Table) -> tuple[list[str], list[list[str]]]:
-    """The heads of columns, and a row of cells for each setting."""
-    names = [name for name in study.factors if name not in study.over]
-    lines = [
-        [
-            *(_factor(value) for value in setting.values()),
-            str(len(rows) - len(rows.failed)),
-            *(summarized(rows, metric) for metric in study.metrics),
-            *(text(rows) for text in study.pooled.values()),
-        ]
-        for setting, rows in by_setting(study, table)
-    ]
-    return [*names, "runs", *study.metrics.values(), *study.pooled], lines
-
-
-def figures(study: Study, table: Table) -> list[dict[str, Any]]:
-    """The same in numbers: of each setting its metrics with their intervals, for JSON."""
-    return [
-        {
-            "setting": dict(setting),
-            "runs": len(rows) - len(rows.failed),
-            "raised": len(rows.failed),
-            **{metric: _figure(rows, metric) for metric in study.metrics},
-            **{name: text(rows) for name, text in study.pooled.items()},
-        }
-        for setting, rows in by_setting(study, table)
-    ]
-
-
-def _figure(rows: Table, metric: str) -> dict[str, Any] | None:
-    interval, known = estimated(rows, metric)
-    if interval is None:
-        return None
-    limits = {name: _known(getattr(interval, name)) for name in ("value", "low", "high")}
-    return {**limits, "known_of": known}
-
-
-def estimated(rows: Table, metric: str) -> tuple[Interval | None, int]:
-    """A metric over rows, None where it is known of none, and of how many it is known. What is true
-    or false is a share, with its exact interval; else it is a mean.
-    """
-    known = [record[metric] for record in rows.records() if record[metric] is not None]
-    if not known:
-        return None, 0
-    if all(isinstance(value, bool) for value in known):
-        return proportion(sum(known), len(known)), len(known)
-    return mean(known), len(known)
-
-
-def _factor(value: Value) -> str:
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return f"{value:,}" if whole else str(value)
-
-
-def summarized(rows: Table, metric: str) -> str:
-    """A metric with its interval, and of how many runs if it is not known of all."""
-    interval, known = estimated(rows, metric)
-    if interval is None:
-        return "–"
-    values = [record[metric] for record in rows.records() if record[metric] is not None]
-    if isinstance(values[0], bool):
-        text = f"{sum(values)} of {known}, {interval}"
-    else:
-        text = str(interval) if known > 1 else number(interval.value)
-    return text if known == len(rows) else f"{text}, {known} of {len(rows)} runs"
 
 
 def _write_parquet(table: Table, folder: Path) -> None:

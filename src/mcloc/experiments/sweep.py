@@ -4,24 +4,23 @@ Each run is that of `mcloc run`: it tracks the robot from its true start, or sea
 one of several moments of the log on, or has it carried off now and then.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mcloc.config import CHOICES, RunConfig, limited, merged
 from mcloc.errors import ConfigError, TruthError
 from mcloc.evaluation import evaluate
-from mcloc.evaluation.convergence import Recovery, recoveries
+from mcloc.evaluation.convergence import recoveries
 from mcloc.evaluation.errors import pose_errors
 from mcloc.evaluation.kidnapping import find_kidnappings
-from mcloc.evaluation.survival import Survival
 from mcloc.events import Scan
-from mcloc.experiments.study import Study
-from mcloc.experiments.table import Record, Setting, Table, Value
+from mcloc.experiments.table import Record, Setting, Value
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
 from mcloc.io.tum import read_trajectory
@@ -32,11 +31,7 @@ from mcloc.simulation.moments import GAP
 from mcloc.simulation.teleports import teleported
 from mcloc.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 LEAST_LEFT = 15.0  # m of true path that a search has before it
-FOUND_WITHIN = 20.0  # m
 BEFORE = 1e-3  # s: stamps of logs and references are printed with different digits
 START = "start"  # the factor that says which moment a search begins at
 PARTS_BY_NAME = ("filter", *CHOICES)
@@ -194,8 +189,8 @@ def checked(sweep: Sweep) -> None:
     if both:
         raise ConfigError(f"{', '.join(sorted(both))} is given twice: vary it, or set it")
     free = OccupancyGrid(np.full((9, 9), FREE, dtype=np.int8), 0.1, np.zeros(3), name="map")
-    for setting in study(sweep, 1, "").settings():
-        config = sweep.config(setting)
+    for values in itertools.product(*sweep.vary.values()):
+        config = sweep.config(dict(zip(sweep.vary, values, strict=True)))
         # Values out of range are found where parts are built, on whatever map.
         _ = config.composition.build(free), config.policy, config.replay_pace
     Run(config)
@@ -209,108 +204,3 @@ def inputs(sweep: Sweep) -> list[Path]:
     named = [sweep.entries.get(name) for name in ("map", "log", "truth")]
     found = [Path(path) for path in named if path is not None]
     return [f for path in found for f in (sorted(path.rglob("*")) if path.is_dir() else [path])]
-
-
-def found(rows: Table) -> str:
-    """The share of kidnapped robots that is found within 20 m, by Kaplan and Meier."""
-    recoveries = [
-        Recovery(0.0, after is not None, path, after_m=after)
-        for record in rows.records()
-        for path, after in record["recoveries"]
-    ]
-    try:
-        return str(Survival.of(recoveries).within(FOUND_WITHIN))
-    except ConfigError:  # none was carried off with enough way before it
-        return "–"
-
-
-METRICS = {
-    "position_m": "median position error, m",
-    "rmse_m": "position RMSE, m",
-    "heading_deg": "median heading error, °",
-    "lost": "share of time > 1 m off",
-    "drawn": "median particles",
-    "update_ms": "update, ms",
-    "realtime": "× real time",
-}
-SEARCHED = {"converged": "converged", "converged_after_m": "after, m"}
-
-
-def study(sweep: Sweep, seeds: int, command: str) -> Study:
-    """The sweep as a study. command: which runs it."""
-    factors = dict(sweep.vary)
-    if sweep.starts:
-        factors[START] = tuple(range(sweep.starts))
-    pooled: dict[str, Callable[[Table], str]] = {}
-    if sweep.teleports:
-        pooled[f"found within {FOUND_WITHIN:g} m"] = found
-    return Study(
-        number="sweep",
-        title=f"{', '.join(sweep.vary)} on {sweep.entries['log']}",
-        source=_how(sweep),
-        about=ABOUT,
-        factors=factors,
-        run=partial(run, sweep),
-        metrics={**(SEARCHED if sweep.starts else {}), **METRICS},
-        claims=(),
-        draw=draw,
-        seeds=seeds,
-        timed=("update_ms", "realtime"),
-        pooled=pooled,
-        over=(START,) if sweep.starts else (),
-        inputs=partial(inputs, sweep),
-        base=repr(replace(sweep, vary={})),
-        command=command,
-    )
-
-
-ABOUT = """
-Errors are those of `mcloc eval`: at each stamp of the truth, in the map frame, without alignment.
-*Converged*: off by less than 0.5 m and 10° from some moment on, to the end. Speed is that of one
-thread on the machine, or machines, that made the runs. Runs of one start are not independent of
-each other, and no more are seeds of the same log: an interval tells how sure the figure is for this
-log, not for others.
-"""
-
-
-def _how(sweep: Sweep) -> str:
-    if sweep.starts:
-        return f"Searched for on the whole map from {sweep.starts} moments of the log on"
-    if sweep.teleports:
-        return f"Tracked from the true start, carried off with p = {sweep.teleports:g} per metre"
-    return "Tracked from the true start"
-
-
-def draw(table: Table, figure: "Figure") -> None:
-    """Accuracy, success and speed over the first factor; the other factors are curves."""
-    factors = [name for name in table.rows[0].setting if name != START]
-    panels = {
-        "position_m": "median position error [m]",
-        "converged": "share of runs that converged",
-        "lost": "share of time > 1 m off",
-        "update_ms": "update [ms]",
-    }
-    first, others = factors[0], factors[1:]
-    values = table.values(first)
-    numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    x = [float(v) for v in values] if numeric else list(range(len(values)))
-    settings = {tuple((name, row.setting[name]) for name in others) for row in table.rows}
-    for axes, (metric, label) in zip(figure.subplots(2, 2).flat, panels.items(), strict=True):
-        for setting in sorted(settings, key=str):
-            curve = [
-                table.where(**dict(setting), **{first: value}).column(metric) for value in values
-            ]
-            middle = [float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for v in curve]
-            label_of = ", ".join(f"{name} = {value}" for name, value in setting)
-            (line,) = axes.plot(x, middle, "o-", ms=4, lw=1.5, label=label_of)
-            for at, v in zip(x, curve, strict=True):
-                axes.plot(np.full(len(v), at), v, ".", ms=3, alpha=0.35, color=line.get_color())
-        axes.set(xlabel=first, ylabel=label, ylim=(0.0, None))
-        if not numeric:
-            axes.set_xticks(x, [str(v) for v in values])
-        elif min(x) > 0.0 and max(x) > 8.0 * min(x):
-            axes.set_xscale("log")
-        axes.grid(alpha=0.3)
-    if others:
-        handles = figure.axes[0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside upper center", ncols=3, frameon=False)
