@@ -49,12 +49,10 @@ def test_each_command_has_help(command: str, mcloc: Mcloc) -> None:
 
 def test_models_lists_every_parameter(mcloc: Mcloc) -> None:
     from mcloc.config import CHOICES
-    from mcloc.filters.catalog import FILTERS
     from mcloc.registry import parameters
 
     listed = json.loads(mcloc("models", "--json").stdout)
-    assert set(listed) == {"filter", *CHOICES, "update"}
-    assert set(listed["filter"]) == set(FILTERS)
+    assert set(listed) == {*CHOICES, "update"}
     shown = mcloc("models").stdout
     for kind, registry in CHOICES.items():
         assert set(listed[kind]) == set(registry)

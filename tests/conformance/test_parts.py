@@ -353,7 +353,7 @@ def test_a_pace_asks_for_more_time_the_more_there_is_to_do(name):
 # Whole filters
 
 
-@pytest.mark.parametrize("filter_name", FILTERS)
+@pytest.mark.parametrize("filter_name", list(FILTERS))
 @names("recovery")
 @pytest.mark.parametrize("size", list(REGISTRIES["size"]))
 def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):

@@ -26,26 +26,23 @@ def show_models(
 def _models() -> dict[str, Any]:
     """{kind: {name: {"doc", "default": whether it is the one used, "parameters"}}}."""
     from mcloc.config import CHOICES, RunConfig
-    from mcloc.filters.catalog import FILTERS
     from mcloc.localizer import UpdatePolicy
 
-    kinds: dict[str, dict[str, Any]] = {"filter": dict(FILTERS)}
-    kinds |= {kind: dict(registry.parts) for kind, registry in CHOICES.items()}
     models = {
         kind: {
-            name: _model(part, default=getattr(RunConfig, kind) == name, plain=kind == "filter")
-            for name, part in parts.items()
+            name: _model(part, default=getattr(RunConfig, kind) == name)
+            for name, part in registry.parts.items()
         }
-        for kind, parts in kinds.items()
+        for kind, registry in CHOICES.items()
     }
     models["update"] = {"update": _model(UpdatePolicy, default=True)}
     return models
 
 
-def _model(part: Any, default: bool, plain: bool = False) -> dict[str, Any]:
+def _model(part: Any, default: bool) -> dict[str, Any]:
     from mcloc.registry import parameters
 
-    listed = {} if plain else {f.name: _parameter(f) for f in parameters(part)}
+    listed = {f.name: _parameter(f) for f in parameters(part)}
     doc = (part.__doc__ or "").split("\n\n")[0]
     return {"doc": " ".join(doc.split()), "default": default, "parameters": listed}
 

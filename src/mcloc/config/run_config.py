@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, cast
 
 from mcloc.errors import ConfigError
-from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
+from mcloc.filters.catalog import REGISTRIES, Composition
 from mcloc.localizer import PACES, Pace, UpdatePolicy
 from mcloc.registry import Registry, Value, named, parameters, suggest
 
@@ -83,8 +83,6 @@ class RunConfig:
     settings: Settings = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.filter not in FILTERS:
-            raise ConfigError(f"unknown filter {self.filter!r}; {suggest(self.filter, FILTERS)}")
         for part in self.settings:
             if part not in PARTS:
                 raise ConfigError(f"unknown part {part!r}; {suggest(part, PARTS)}")
@@ -135,7 +133,7 @@ class RunConfig:
     @property
     def composition(self) -> Composition:
         """The filter."""
-        names = {name: getattr(self, name) for name in ("filter", *REGISTRIES)}
+        names = {name: getattr(self, name) for name in REGISTRIES}
         settings = {part: of for part, of in self.settings.items() if part in REGISTRIES}
         return Composition(**names, settings=settings)
 

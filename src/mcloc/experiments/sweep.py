@@ -34,8 +34,7 @@ from mcloc.trajectory import Trajectory
 LEAST_LEFT = 15.0  # m of true path that a search has before it
 BEFORE = 1e-3  # s: stamps of logs and references are printed with different digits
 START = "start"  # the factor that says which moment a search begins at
-PARTS_BY_NAME = ("filter", *CHOICES)
-NAMES = (*PARTS_BY_NAME, "particles")  # of what can be varied, beside parameters
+NAMES = (*CHOICES, "particles")  # of what can be varied, beside parameters
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Sweep:
     def config(self, setting: Setting, seed: int | None = None) -> RunConfig:
         """The run of a setting, but for where it begins. Raises ConfigError."""
         entries: dict[str, Any] = {**self.entries, "threads": 1, "seed": seed, "initial": None}
-        parts = {name: str(value) for name, value in setting.items() if name in PARTS_BY_NAME}
+        parts = {name: str(value) for name, value in setting.items() if name in CHOICES}
         entries = merged(merged(entries, parts), {"settings": self.assigned})
         settings: dict[str, dict[str, Value]] = {}
         for name, value in setting.items():

@@ -1,8 +1,8 @@
 """Filters by name: each a composition of the same parts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
@@ -13,31 +13,53 @@ from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.forward import Forward
 from mcloc.protocols import Environment, MotionModel, PeopleFilter, SampleSize, SensorModel
-from mcloc.registry import Registry, Value, suggest
+from mcloc.registry import Configurable, Registry, Value, suggest
 from mcloc.resampling import RESAMPLERS, Resampler, known_before
 from mcloc.sample_size import SIZES
 from mcloc.sensors import SENSORS
 
 
-def mcl(
-    motion: MotionModel,
-    sensor: SensorModel,
-    environment: Environment,
-    size: SampleSize,
-    resampler: Resampler,
-    recovery: Recovery,
-    people: PeopleFilter,
-) -> ParticleFilter:
+@dataclass(frozen=True)
+class Models:
+    """What every filter is composed of."""
+
+    motion: MotionModel
+    sensor: SensorModel
+    environment: Environment
+    size: SampleSize
+    resampler: Resampler
+    recovery: Recovery
+    people: PeopleFilter
+
+    def filter(self, *parts: Part) -> ParticleFilter:
+        """A particle filter of such parts. Raises ConfigError for a resampler that has to know
+        sizes which are found while drawing.
+        """
+        if self.resampler.needs_n:
+            known_before(self.size.fixed)
+        models = self.motion, self.sensor, self.environment
+        return ParticleFilter(*models, parts, self.recovery, people=self.people)
+
+
+class FilterKind(Protocol):
+    """A way to compose a filter."""
+
+    def compose(self, models: Models) -> ParticleFilter:
+        """The filter made of these models. Raises ConfigError where they do not go together."""
+
+
+@dataclass(frozen=True)
+class MCL(Configurable):
     """Monte Carlo localization [Fox01 §19.2.3; Fox99]."""
-    if resampler.needs_n:
-        known_before(size.fixed)
-    part = Part(1.0, Forward(resampler), size)
-    return ParticleFilter(motion, sensor, environment, (part,), recovery, people=people)
+
+    def compose(self, models: Models) -> ParticleFilter:
+        return models.filter(Part(1.0, Forward(models.resampler), models.size))
 
 
-FILTERS: dict[str, Callable[..., ParticleFilter]] = {"mcl": mcl}
+FILTERS: Registry[FilterKind] = Registry("filter", {"mcl": MCL})
 
 REGISTRIES: dict[str, Registry[Any]] = {
+    "filter": FILTERS,
     "motion": MOTIONS,
     "sensor": SENSORS,
     "environment": ENVIRONMENTS,
@@ -66,19 +88,20 @@ class Composition:
         """The filter on a map. Raises ConfigError for unknown names and values that cannot be
         right.
         """
-        if self.filter not in FILTERS:
-            raise ConfigError(f"unknown filter {self.filter!r}; {suggest(self.filter, FILTERS)}")
         for kind in self.settings:
             if kind not in REGISTRIES:
                 raise ConfigError(f"unknown part {kind!r}; {suggest(kind, REGISTRIES)}")
-        return FILTERS[self.filter](
-            motion=self._part("motion"),
-            sensor=self._part("sensor", grid),
-            environment=self._part("environment", grid),
-            size=self._part("size"),
-            resampler=self._part("resampler"),
-            recovery=self._part("recovery"),
-            people=self._part("people", grid),
+        composed: FilterKind = self._part("filter")
+        return composed.compose(
+            Models(
+                motion=self._part("motion"),
+                sensor=self._part("sensor", grid),
+                environment=self._part("environment", grid),
+                size=self._part("size"),
+                resampler=self._part("resampler"),
+                recovery=self._part("recovery"),
+                people=self._part("people", grid),
+            )
         )
 
     def _part(self, kind: str, *bound: object) -> Any:
