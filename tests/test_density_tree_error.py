@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mcloc.density_tree import DensityTree
+from mcloc.draws import Draws
 from mcloc.geometry import wrap
 from mcloc.particles import Particles
 from mcloc.statespace import LINE, SE2
@@ -58,3 +59,21 @@ def test_the_error_stays_where_leaves_do_not_shrink():
     """What the bound above must tell apart: leaves that keep their share of the samples."""
     fallen = mean_error(SE2, 1000, 10, leaf=8) / mean_error(SE2, 64_000, 10, leaf=512)
     assert fallen < 64.0 ** (1.0 / 5.0) / np.sqrt(2.0)
+
+
+@pytest.mark.parametrize("n", [1000, 20_000])
+def test_nothing_lies_between_two_hills_at_opposite_ends(n):
+    """Two places 22 m apart, each known to 0.1 m and 3°: what is more than 5 deviations from both
+    has hardly any mass.
+    """
+    rng = np.random.default_rng(n)
+    sigma = np.array([0.1, 0.1, np.deg2rad(3.0)])[:, None]
+    centre = np.where(rng.random(n) < 0.5, 0.0, 1.0) * np.array([20.0, 9.0, 0.5])[:, None]
+    x = centre + sigma * rng.standard_normal((3, n))
+    tree = DensityTree.fit(Particles.equal(x), SE2, floor=0.0)
+    drawn = tree.sample(Draws(1), 0, 20_000)
+    away = [
+        (np.abs(drawn - hill[:, None]) > 5.0 * sigma).any(axis=0)
+        for hill in (np.zeros(3), np.array([20.0, 9.0, 0.5]))
+    ]
+    assert np.mean(away[0] & away[1]) < 0.01

@@ -24,6 +24,7 @@ class Stream(IntEnum):
     CHOICE = 2
     RANDOM_POSE = 3
     TREE = 4
+    PROPOSAL = 5
 
 
 @dataclass(frozen=True, slots=True)

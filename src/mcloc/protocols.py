@@ -70,6 +70,23 @@ class Environment(Density, Protocol):
         """(n,): log p(x | m), 0 where a robot can be, less where it hardly can."""
 
 
+class PoseDensity(Density, Protocol):
+    """q̄(x) ≈ p(z | x) / π(z) for one measurement z, positive wherever a robot can be  [Fox01 Eq.
+    19.3.7].
+    """
+
+    @property
+    def log_pi(self) -> float:
+        """log π(z), π(z) = ∫ p(z | x) dx, as far as it is known."""
+
+
+class PoseSampler(Protocol):
+    """Poses from a measurement: what dual and mixture MCL draw from."""
+
+    def given(self, z: Any, draws: Draws) -> PoseDensity:
+        """The density for one measurement, under the same tempered likelihood as the filter."""
+
+
 Predictive = Callable[[int], Particles]
 """n -> n particles of p(x_t | u_t, d_{0…t−1}), what is believed before the measurement."""
 

@@ -1,10 +1,12 @@
 """How fast errors fall with the number of particles."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from mcloc.kernels import jit
 
 
 def _fit(
@@ -23,6 +25,12 @@ def _fit(
 
 
 @pytest.fixture
+def fitted_slope() -> Callable[..., tuple[float, float]]:
+    """The fit itself, where −½ is not what is expected."""
+    return _fit
+
+
+@pytest.fixture
 def falls_as_root_n() -> Callable[[Sequence[float], Sequence[NDArray[np.float64]]], None]:
     """Asserts that the fitted slope is −½ within 3.5 of its standard errors.
 
@@ -35,3 +43,11 @@ def falls_as_root_n() -> Callable[[Sequence[float], Sequence[NDArray[np.float64]
         assert slope == pytest.approx(-0.5, abs=3.5 * error)
 
     return check
+
+
+@pytest.fixture
+def set_threads() -> Iterator[Callable[[int], None]]:
+    """Sets the number of threads for one test."""
+    before = jit._threads
+    yield jit.set_threads
+    jit.set_threads(before)

@@ -57,10 +57,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Belief:
-    """What a particle filter carries from step to step. evidence: by sensor."""
+    """What a particle filter carries from step to step. evidence: by sensor. uniform: whether it is
+    still that of a robot of which nothing is known.
+    """
 
     particles: Particles
     evidence: Mapping[str, Evidence] = field(default_factory=dict)
+    uniform: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +110,8 @@ class ParticleFilter:
 
         size = self.parts[0].size
         counter = size.counter(self.space, draws.step, 0)
-        return Belief(Particles.equal(draw(source, counter, size.fixed, None).states))
+        particles = Particles.equal(draw(source, counter, size.fixed, None).states)
+        return Belief(particles, uniform=initial is self.environment)
 
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
@@ -178,9 +182,8 @@ class ParticleFilter:
         sizes: list[int],
     ) -> list[Weighed]:
         """The particles of every part; how many they are is added to `sizes`."""
-        target = Target(
-            bel.particles, u, z, alpha, doubt, self.motion, self.sensor, self.environment
-        )
+        models = self.motion, self.sensor, self.environment
+        target = Target(bel.particles, u, z, alpha, doubt, *models, bel.uniform)
         drawn = []
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))

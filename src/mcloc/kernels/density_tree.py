@@ -33,16 +33,33 @@ def to_unit_cube(states, low, side, circular, out, start, stop):  # type: ignore
 
 @scalar
 def spread(places, order, first, stop, middle, width):  # type: ignore[no-untyped-def]
-    """The variance of places[order[first … stop − 1]] in units of the width, 1/12 where they fill
-    it evenly.
+    """How little of its side a box's samples fill, places[order[first … stop − 1]]: their variance
+    in units of the width, or if that is less, the mean variance within the two halves in units of
+    half the width; 1/12 where they fill the side evenly.
+
+    The variance alone is largest for two hills at opposite ends, and the gap between them would
+    never be cut: of two Gaussians 22 m apart, 21 % of the mass of 20,000 samples lay between them.
     """
-    total, squares, n = 0.0, 0.0, 0
+    lower, lower_squares, below = 0.0, 0.0, 0
+    upper, upper_squares, above = 0.0, 0.0, 0
     for j in range(first, stop, (stop - first - 1) // _LOOKED_AT + 1):
-        v = (places[order[j]] - middle) / width
-        total += v
-        squares += v * v
-        n += 1
-    return squares / n - (total / n) ** 2
+        v = 2.0 * (places[order[j]] - middle) / width
+        if v < 0.0:
+            lower += v
+            lower_squares += v * v
+            below += 1
+        else:
+            upper += v
+            upper_squares += v * v
+            above += 1
+    n = below + above
+    whole = 0.25 * ((lower_squares + upper_squares) / n - ((lower + upper) / n) ** 2)
+    within = 0.0
+    if below > 0:
+        within += lower_squares - lower * lower / below
+    if above > 0:
+        within += upper_squares - upper * upper / above
+    return min(within / n, whole)
 
 
 @scalar
@@ -67,10 +84,9 @@ def grow(  # type: ignore[no-untyped-def]
     halves would be narrower than least (D,). Returns the number K of nodes, −1 if the arrays hold
     fewer than that.
 
-    A box is halved along the axis on which its samples are most crowded, their deviation the
-    smallest part of its side. The boxes so take the shape of each hill, whatever the units. One
-    axis after the other would not: with 10,000 poses in a corridor, the mean |p̂/p − 1| was 0.61
-    instead of 0.34.
+    A box is halved along the axis on which its samples are most crowded, see `spread`. The boxes so
+    take the shape of each hill, whatever the units. One axis after the other would not: with 10,000
+    poses in a corridor, the mean |p̂/p − 1| was 0.61 instead of 0.34.
 
     order (N,): 0 … N − 1, sorted so that each box has its samples in a row, from first (K, 2)[:, 0]
     to before first[:, 1]. axis, split, child (K,): a point goes on to child, or to child + 1 where

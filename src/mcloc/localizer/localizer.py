@@ -145,7 +145,7 @@ class Localizer:
         """
         self.filter = self.composition.build(grid)
         self.grid = grid
-        self.belief = Belief(self.belief.particles)
+        self.belief = Belief(self.belief.particles, uniform=self.belief.uniform)
 
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)

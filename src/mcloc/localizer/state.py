@@ -62,6 +62,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "step": localizer.step,
         "ignored": dict(localizer.ignored),
         "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
+        "uniform": belief.uniform,
         "odometry_guard": _guard(localizer._odometry.guard),
         "scan_guard": _guard(localizer._guard),
         "newest": {source: str(t) for source, t in localizer._newest.items()},
@@ -106,7 +107,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     )
     particles = Particles(arrays["states"], arrays["log_weights"])
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
-    localizer.belief = Belief(particles, evidence)
+    localizer.belief = Belief(particles, evidence, values["uniform"])
     localizer.step = values["step"]
     localizer.ignored.update(Counter(values["ignored"]))
     odometry = localizer._odometry
