@@ -1,5 +1,5 @@
-"""Where a robot can stand: p(x | m), and U(x), poses spread evenly over free cells and all
-headings.
+"""Where a robot can stand, or an object can be: p(x | m), and U(x), poses spread evenly over free
+cells and all headings, or places over a box.
 """
 
 from dataclasses import dataclass
@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
-from mcloc.errors import MapError
+from mcloc.errors import ConfigError, MapError
 from mcloc.geometry import compose
 from mcloc.maps.cell_table import CellTable
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.protocols import Environment
 from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights, States
+
+Corner = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,47 @@ class FreeSpace(Configurable):
         which = np.where(self.grid.unknown, np.uint8(1), np.uint8(2))
         which[self.grid.free] = 0
         return CellTable.chosen(self.grid, values, np.pad(which, 1, constant_values=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box in space of volume V: p(x | m) = 1 and U(x) = 1 / V in it, 0 outside. low, high: its
+    corners, metres, in the frame of the states.
+    """
+
+    low: Corner
+    high: Corner
+
+    def __post_init__(self) -> None:
+        wide = [b - a for a, b in zip(self.low, self.high, strict=True)]
+        if len(wide) != 3 or not all(0.0 < side < np.inf for side in wide):
+            raise ConfigError(
+                f"a box needs three finite sides > 0 m, got corners {self.low} and {self.high}"
+            )
+
+    @property
+    def volume(self) -> float:
+        """V, m³."""
+        return float(np.prod(np.subtract(self.high, self.low)))
+
+    def sample(self, draws: Draws, first: int, n: int) -> States:
+        """(3, n): places of the particles first … first + n − 1."""
+        u = draws.uniform(Stream.RANDOM_POSE, first, n)[:3]
+        low, high = np.array(self.low)[:, None], np.array(self.high)[:, None]
+        x: States = low + (high - low) * u
+        return x
+
+    def log_density(self, x: States) -> LogWeights:
+        """(n,): −log V per m³ inside, −inf elsewhere."""
+        density: LogWeights = self.log_prior(x) - np.log(self.volume)
+        return density
+
+    def log_prior(self, x: States) -> LogWeights:
+        """(n,): 0 inside, −inf elsewhere."""
+        low, high = np.array(self.low)[:, None], np.array(self.high)[:, None]
+        inside = ((low <= x) & (x <= high)).all(axis=0)
+        prior: LogWeights = np.where(inside, 0.0, -np.inf)
+        return prior
 
 
 ENVIRONMENTS: Registry[Environment] = Registry("environment", {"free-space": FreeSpace})
