@@ -49,7 +49,9 @@ NEEDED = {
 
 def build(kind, name, **settings):
     settings = {**NEEDED.get((kind, name), {}), **settings}
-    bound = (grid(),) if kind in ("sensor", "environment", "people") else ()
+    bound = (grid(),) if kind in ("sensor", "environment", "people", "sampler") else ()
+    if kind == "sampler":
+        bound += build("sensor", "likelihood-field"), build("environment", "free-space")
     return CHOICES[kind].make(name, *bound, **settings)
 
 

@@ -53,7 +53,7 @@ class RunConfig:
     files. initial: start pose in the map frame, None for global localization;
     initial_sigma: its standard deviations. start, end: stamps of the log between which it is used.
     mount: the laser's pose on the robot, None for what the log says. seed: None for a fresh one.
-    threads: None for one a core. filter … people: names of parts. pace: that of the replay.
+    threads: None for one a core. filter … sampler: names of parts. pace: that of the replay.
     settings: {part: {parameter: value}} where they differ from the defaults; text is read as what
     the parameter is.
 
@@ -79,6 +79,7 @@ class RunConfig:
     resampler: str = Composition.resampler
     recovery: str = Composition.recovery
     people: str = Composition.people
+    sampler: str = Composition.sampler
     pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 

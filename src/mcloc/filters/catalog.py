@@ -1,6 +1,6 @@
 """Filters by name: each a composition of the same parts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -12,16 +12,25 @@ from mcloc.filters.recovery import RECOVERIES, Recovery
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.forward import Forward
-from mcloc.protocols import Environment, MotionModel, PeopleFilter, SampleSize, SensorModel
-from mcloc.registry import Configurable, Registry, Value, suggest
+from mcloc.proposals.mixture import Mixture
+from mcloc.protocols import (
+    Environment,
+    MotionModel,
+    PeopleFilter,
+    PoseSampler,
+    SampleSize,
+    SensorModel,
+)
+from mcloc.registry import Configurable, Registry, Value, param, suggest
 from mcloc.resampling import RESAMPLERS, Resampler, known_before
 from mcloc.sample_size import SIZES
+from mcloc.samplers import SAMPLERS
 from mcloc.sensors import SENSORS
 
 
 @dataclass(frozen=True)
 class Models:
-    """What every filter is composed of."""
+    """What filters are composed of. sampler: makes the pose sampler, which not all of them need."""
 
     motion: MotionModel
     sensor: SensorModel
@@ -30,6 +39,7 @@ class Models:
     resampler: Resampler
     recovery: Recovery
     people: PeopleFilter
+    sampler: Callable[[], PoseSampler]
 
     def filter(self, *parts: Part) -> ParticleFilter:
         """A particle filter of such parts. Raises ConfigError for a resampler that has to know
@@ -56,7 +66,22 @@ class MCL(Configurable):
         return models.filter(Part(1.0, Forward(models.resampler), models.size))
 
 
-FILTERS: Registry[FilterKind] = Registry("filter", {"mcl": MCL})
+@dataclass(frozen=True)
+class MixtureMCL(Configurable):
+    """MCL with mixture proposal [Fox01 §19.3.3]: while it searches, a share of the particles comes
+    from the scan.
+
+    It searches at a global start, and whenever recovery asks for random particles.
+    """
+
+    phi: float = param(0.5, "", "share from the scan while it searches", above=0, high=0.99)
+
+    def compose(self, models: Models) -> ParticleFilter:
+        proposal = Mixture(models.sampler(), models.resampler, self.phi)
+        return models.filter(Part(1.0, proposal, models.size))
+
+
+FILTERS: Registry[FilterKind] = Registry("filter", {"mcl": MCL, "mixture": MixtureMCL})
 
 REGISTRIES: dict[str, Registry[Any]] = {
     "filter": FILTERS,
@@ -67,6 +92,7 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "resampler": RESAMPLERS,
     "recovery": RECOVERIES,
     "people": PEOPLE,
+    "sampler": SAMPLERS,
 }
 
 
@@ -82,6 +108,7 @@ class Composition:
     resampler: str = "systematic"
     recovery: str = "augmented"
     people: str = "none"
+    sampler: str = "feature-tree"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid) -> ParticleFilter:
@@ -92,15 +119,17 @@ class Composition:
             if kind not in REGISTRIES:
                 raise ConfigError(f"unknown part {kind!r}; {suggest(kind, REGISTRIES)}")
         composed: FilterKind = self._part("filter")
+        sensor, environment = self._part("sensor", grid), self._part("environment", grid)
         return composed.compose(
             Models(
                 motion=self._part("motion"),
-                sensor=self._part("sensor", grid),
-                environment=self._part("environment", grid),
+                sensor=sensor,
+                environment=environment,
                 size=self._part("size"),
                 resampler=self._part("resampler"),
                 recovery=self._part("recovery"),
                 people=self._part("people", grid),
+                sampler=lambda: self._part("sampler", grid, sensor, environment),
             )
         )
 
