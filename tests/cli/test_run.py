@@ -130,7 +130,7 @@ def test_config_is_complete(tracked: Path) -> None:
     assert config["seed"] == 7
     assert config["size"] == "kld"
     assert set(config["settings"]) == {
-        *("motion", "sensor", "environment", "size", "recovery", "update")
+        *("motion", "sensor", "environment", "size", "recovery", "sampler", "update")
     }
     assert "sigma_hit" in config["settings"]["sensor"]
     assert "distance" in config["settings"]["update"]
