@@ -65,7 +65,7 @@ class Study:
 
     number: such as "E5". source: where in which paper. about: what is done, and why it is done so
     where the paper is silent (Markdown). factors: {name: values}, all combined. run: from a setting
-    and a seed to what is measured, the same bytes each time except for what is named in `timed`.
+    and a seed to what is measured, the same bytes each time unless it reads a clock.
     metrics: {name: what it is, with its unit}, those that are told in tables. seeds: of the full
     run; the same ones in all settings, so that these can be compared in pairs. applies: leaves out
     combinations. missing: what a setting lacks here, or None. pooled: {what it is: from the rows of
@@ -85,7 +85,6 @@ class Study:
     claims: tuple[Claim, ...]
     draw: "Callable[[Table, Figure], None]"
     seeds: int
-    timed: tuple[str, ...] = ()
     applies: Callable[[Setting], bool] = lambda setting: True
     missing: Callable[[Setting], str | None] = nothing_missing
     pooled: Mapping[str, Callable[[Table], str]] = field(default_factory=dict)

@@ -64,7 +64,6 @@ def study(sweep: Sweep, seeds: int, command: str) -> Study:
         claims=(),
         draw=draw,
         seeds=seeds,
-        timed=("update_ms", "realtime"),
         pooled=pooled,
         over=(START,) if sweep.starts else (),
         inputs=partial(inputs, sweep),
