@@ -27,8 +27,9 @@ class Ancestry:
     """Who descends from whom.
 
     of(first, n) -> (n,) indices into the old set. n: how many new particles there are, or None for
-    as many as are asked for. log_weights: (N,) of the old set, carried over where the set was kept,
-    else None.
+    as many as are asked for. log_weights: (N,) what descendants of each of the old set bring along,
+    where they were not drawn in proportion to its weights, or the set was kept: N times that is the
+    factor of their weights. Else None.
     """
 
     of: Callable[[int, int], Indices]
@@ -188,7 +189,32 @@ def when_ess_below(share: float, resampler: Resampler) -> Resampler:
     return WhenESSBelow(share, resampler)
 
 
-RESAMPLERS: Registry[Resampler] = Registry("resampler", {**ALWAYS, "selective": Selective})
+@dataclass(frozen=True)
+class Tempered(Configurable):
+    """Ancestors in proportion to w^power, which bring w^(1 − power) along [Liu, Chen, Logvinenko: A
+    theoretical framework for sequential importance sampling with resampling, 2001, §3.2].
+
+    A place that is unlikely for now keeps more particles than it deserves, of small weight, and is
+    still there when later measurements speak for it.
+    """
+
+    power: float = param(0.3, "", "of the weights; 1: as they are", above=0, high=1)
+
+    needs_n: ClassVar[bool] = False
+
+    def __call__(self, particles: Particles, n: int | None, draws: Draws) -> Ancestry:
+        log_w = particles.log_weights
+        some = log_w > -np.inf
+        drawn_by = Particles.normalized(particles.states, self.power * log_w)
+        carried = np.full(len(log_w), -np.inf)
+        np.subtract(log_w, drawn_by.log_weights, out=carried, where=some)
+        ancestry = Systematic()(drawn_by, n, draws)
+        return Ancestry(ancestry.of, ancestry.n, carried - np.log(len(log_w)))
+
+
+RESAMPLERS: Registry[Resampler] = Registry(
+    "resampler", {**ALWAYS, "selective": Selective, "tempered": Tempered}
+)
 
 
 def _uniform(draws: Draws, first: int, count: int) -> NDArray[np.float64]:

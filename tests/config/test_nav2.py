@@ -287,7 +287,11 @@ def test_recovery(read: Read) -> None:
     """w_diff = 1 − w_fast / w_slow."""
     entries, notes = read(ros2(recovery_alpha_slow=0.001, recovery_alpha_fast=0.1))
     assert entries["recovery"] == "augmented"
-    assert entries["settings"]["recovery"] == {"rate_slow": 0.001, "rate_fast": 0.1, "below": 1.0}
+    # An update after 0.25 m is 6 readings of the 12 that a scan is worth after 0.5 m.
+    assert entries["settings"]["recovery"] == pytest.approx(
+        {"rate_slow": 1 - 0.999 ** (1 / 6), "rate_fast": 1 - 0.9 ** (1 / 6), "below": 1.0}
+    )
+    assert any("the same for an update after 0.25 m" in note for note in notes)
     assert any("cautiously" in note for note in notes)
     half, notes = read(ros2(recovery_alpha_slow=0.001))
     assert half["recovery"] == "none"

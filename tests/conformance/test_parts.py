@@ -106,6 +106,7 @@ def test_every_parameter_has_a_unit_and_says_what_it_is(kind, name, parameter):
         "m/rad",
         "rad/rad",
         "1/m",
+        "1/reading",
     }
 
 
@@ -322,16 +323,21 @@ def test_a_resampler_gives_ancestors_whatever_the_chunk(name, n):
 
 @names("resampler")
 def test_a_resampler_is_unbiased(name):
-    """Mean counts over 2000 seeds: at worst multinomial, variance n w (1 − w); 4.5 deviations."""
+    """Mean weight of descendants over 2000 seeds: at worst multinomial, variance n q (1 − q) for
+    one that draws by q, each then of weight w / q; 4.5 deviations.
+    """
     particles = Particles.normalized(np.zeros((3, 6)), np.log([0.7, 0.15, 0.1, 0.04, 0.01, 1e-12]))
-    counts, n = np.zeros(6), 20
+    counts, n, each = np.zeros(6), 20, np.ones(6)
     for seed in range(2000):
-        counts += np.bincount(
-            build("resampler", name)(particles, n, Draws(seed, 1)).of(0, n), minlength=6
-        )
+        ancestry = build("resampler", name)(particles, n, Draws(seed, 1))
+        counts += np.bincount(ancestry.of(0, n), minlength=6)
+        if ancestry.log_weights is not None:
+            each = 6 * np.exp(ancestry.log_weights)
     w = particles.weights
-    deviation = np.sqrt(n * w * (1.0 - w) / 2000)
-    assert (np.abs(counts / 2000 - n * w) <= 4.5 * deviation + 1e-3).all()
+    q = w / each
+    assert q.sum() == pytest.approx(1.0)
+    deviation = each * np.sqrt(n * q * (1.0 - q) / 2000)
+    assert (np.abs(each * counts / 2000 - n * w) <= 4.5 * deviation + 1e-3).all()
 
 
 # Paces

@@ -123,7 +123,7 @@ def test_another_map_is_refused(world, tmp_path):
 
 def test_another_version_is_refused(world, tmp_path):
     write_state(tmp_path / "s.npz", {"version": 99}, {})
-    with pytest.raises(StateError, match="version 99, but this mcloc reads version 2"):
+    with pytest.raises(StateError, match="version 99, but this mcloc reads version 3"):
         restore(tmp_path / "s.npz", world.grid)
 
 

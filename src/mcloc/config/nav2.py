@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scipy.special import ndtr
 
 from mcloc.config.amcl import OF_BEAM_SKIPPING, OF_THE_NODE, OPTIONAL
@@ -17,6 +18,7 @@ from mcloc.config.amcl_sensor import sensor
 from mcloc.filters.catalog import REGISTRIES
 from mcloc.localizer import UpdatePolicy
 from mcloc.registry import parameters
+from mcloc.sensors.beams import ScanModel
 
 BIN_LENGTH, BIN_ANGLE = 0.5, math.radians(10.0)  # m, rad: amcl's bins, which no parameter changes
 
@@ -136,9 +138,14 @@ def _recovery(file: AmclFile, notes: Notes) -> Part:
     if slow > 0.0 and fast > 0.0:
         notes.append(
             "recovery_alpha_slow, recovery_alpha_fast: the averages are of one beam's likelihood"
-            " here, of the scan's weight in amcl: random particles come more cautiously"
+            " here, of the scan's weight in amcl: random particles come more cautiously; the rates"
+            f" are per reading here, the same for an update after {p.update_min_d:g} m"
         )
-        return "augmented", {"rate_slow": slow, "rate_fast": fast, "below": 1.0}
+        moved = np.array([p.update_min_d, 0.0, 0.0])
+        readings = ScanModel.effective_beams * UpdatePolicy().novelty(moved)
+        rates = {"rate_slow": slow, "rate_fast": fast}
+        per_reading = {name: 1.0 - (1.0 - rate) ** (1.0 / readings) for name, rate in rates.items()}
+        return "augmented", {**per_reading, "below": 1.0}
     if slow > 0.0 or fast > 0.0:
         notes.append("recovery_alpha_slow, recovery_alpha_fast: only one is > 0; no recovery")
     return "none", {}

@@ -1,18 +1,22 @@
 """Filters by name: each a composition of the same parts."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
 from mcloc.filters.particle_filter import Part, ParticleFilter
 from mcloc.filters.people import PEOPLE
-from mcloc.filters.recovery import RECOVERIES, Recovery
+from mcloc.filters.recovery import RECOVERIES, Recovery, WithoutRandomParticles
+from mcloc.filters.sensor_resetting import SensorResetting
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
+from mcloc.proposals.dual import Dual
 from mcloc.proposals.forward import Forward
 from mcloc.proposals.mixture import Mixture
+from mcloc.proposals.predictive import ForwardTree
+from mcloc.proposals.relocating import Relocating
 from mcloc.protocols import (
     Environment,
     MotionModel,
@@ -23,7 +27,8 @@ from mcloc.protocols import (
 )
 from mcloc.registry import Configurable, Registry, Value, param, suggest
 from mcloc.resampling import RESAMPLERS, Resampler, known_before
-from mcloc.sample_size import SIZES
+from mcloc.sample_size import SIZES, Fixed
+from mcloc.sample_size.split import Split
 from mcloc.samplers import SAMPLERS
 from mcloc.sensors import SENSORS
 
@@ -71,7 +76,32 @@ class MixtureMCL(Configurable):
     """MCL with mixture proposal [Fox01 §19.3.3]: while it searches, a share of the particles comes
     from the scan.
 
-    It searches at a global start, and whenever recovery asks for random particles.
+    It searches from a global start, or from when recovery asks for random particles, until it is
+    sure of one place.
+    """
+
+    phi: float = param(
+        0.5, "", "share from the scan where the robot may be anywhere", above=0, high=0.99
+    )
+    particles: int = param(5000, "", "particles while it searches", low=1, high=1e7)
+    carried_off: float = param(
+        0.01, "", "P(the robot was carried off), where it seems to be lost", above=0, high=0.99
+    )
+
+    def compose(self, models: Models) -> ParticleFilter:
+        proposal = Relocating(
+            models.sampler(), models.resampler, self.phi, self.particles, self.carried_off
+        )
+        composed = models.filter(Part(1.0, proposal, models.size))
+        return replace(composed, anywhere=Fixed(self.particles))
+
+
+@dataclass(frozen=True)
+class BalancedMixtureMCL(Configurable):
+    """MCL with mixture proposal under one density: each particle is weighed by (1 − φ) q + φ q̄, q̄
+    by a density tree of what was believed (approach 2) [Fox01 §19.3.3].
+
+    While nothing makes it search it does what MCL does.
     """
 
     phi: float = param(0.5, "", "share from the scan while it searches", above=0, high=0.99)
@@ -81,7 +111,51 @@ class MixtureMCL(Configurable):
         return models.filter(Part(1.0, proposal, models.size))
 
 
-FILTERS: Registry[FilterKind] = Registry("filter", {"mcl": MCL, "mixture": MixtureMCL})
+@dataclass(frozen=True)
+class GroupedMixtureMCL(Configurable):
+    """MCL with mixture proposal as in the papers: at each step a share φ of the belief comes from
+    the scan, whatever it is worth, weighed by a density tree of what was believed (approach 2)
+    [Fox01 §19.3.3].
+
+    Of `particles` in all a share φ, by chance, is drawn from the scan; the size is not asked.
+    """
+
+    phi: float = param(0.1, "", "share of the belief from the scan", above=0, high=0.99)
+    particles: int = param(5000, "", "particles", low=2, high=1e7)
+
+    def compose(self, models: Models) -> ParticleFilter:
+        forward, dual = (
+            Split(particles=self.particles, phi=self.phi, rest=rest) for rest in (True, False)
+        )
+        return models.filter(
+            Part(1.0 - self.phi, Forward(models.resampler), forward),
+            Part(self.phi, Dual(models.sampler(), ForwardTree()), dual, group=1),
+        )
+
+
+@dataclass(frozen=True)
+class SensorResettingMCL(Configurable):
+    """MCL with sensor resetting: poses from the scan instead of random particles, in the share that
+    recovery asks for, with equal weights [Lenser, Veloso: ICRA 2000].
+    """
+
+    def compose(self, models: Models) -> ParticleFilter:
+        mcl = models.filter(Part(1.0, Forward(models.resampler), models.size))
+        steps = {f.name: getattr(mcl, f.name) for f in fields(mcl)}
+        steps["recovery"] = WithoutRandomParticles(models.recovery)
+        return SensorResetting(**steps, sampler=models.sampler(), resetting=models.recovery)
+
+
+FILTERS: Registry[FilterKind] = Registry(
+    "filter",
+    {
+        "mcl": MCL,
+        "mixture": MixtureMCL,
+        "mixture-balanced": BalancedMixtureMCL,
+        "mixture-grouped": GroupedMixtureMCL,
+        "sensor-resetting": SensorResettingMCL,
+    },
+)
 
 REGISTRIES: dict[str, Registry[Any]] = {
     "filter": FILTERS,

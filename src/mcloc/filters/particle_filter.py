@@ -29,6 +29,9 @@ from mcloc.protocols import (
 from mcloc.resampling import Systematic
 from mcloc.statespace import SE2, StateSpace
 
+ONE_PLACE = 1.0  # m around the mean
+LEAST = 1e-6  # of the belief
+
 
 class Proposal(Protocol):
     """Draws particles and weighs them by target / q: it alone knows its q."""
@@ -57,13 +60,17 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Belief:
-    """What a particle filter carries from step to step. evidence: by sensor. uniform: whether it is
-    still that of a robot of which nothing is known.
+    """What a particle filter carries from step to step.
+
+    evidence: by sensor. uniform: whether it is still that of a robot of which nothing is known.
+    searching: whether the filter is not sure of the place: from a uniform start, or from when it
+    found itself lost, until all but LEAST of the belief is in one place.
     """
 
     particles: Particles
     evidence: Mapping[str, Evidence] = field(default_factory=dict)
     uniform: bool = False
+    searching: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,18 +107,22 @@ class ParticleFilter:
     recovery: Recovery = field(default_factory=NoRandomParticles)
     space: StateSpace = SE2
     people: PeopleFilter = field(default_factory=NoPeopleFilter)
+    anywhere: SampleSize | None = None
 
     def start(self, initial: Density, draws: Draws) -> Belief:
-        """Particles drawn from an initial density, as many as the first part's size asks for."""
+        """Particles drawn from an initial density, as many as the first part's size asks for;
+        `anywhere`, if given, says how many where that density is the environment.
+        """
 
         def source(first: int, n: int) -> Weighed:
             # No scan has weighed them yet.
             return Weighed(initial.sample(draws, first, n), np.zeros(n), np.full(n, -np.inf))
 
-        size = self.parts[0].size
+        uniform = initial is self.environment
+        size = self.anywhere if uniform and self.anywhere is not None else self.parts[0].size
         counter = size.counter(self.space, draws.step, 0)
         particles = Particles.equal(draw(source, counter, size.fixed, None).states)
-        return Belief(particles, uniform=initial is self.environment)
+        return Belief(particles, uniform=uniform, searching=uniform)
 
     def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
@@ -122,8 +133,9 @@ class ParticleFilter:
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
         alpha = self.recovery.alpha(evidence)
+        searching = bel.searching or alpha > self.recovery.alpha(Evidence())
         filtered = 0.0
-        if alpha == 0.0:  # a filter that may be lost must see all that contradicts it
+        if not searching:  # a filter that may be lost must see all that contradicts it
             z, filtered = self.people.without_people(z, self._predictive(bel, u, draws))
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
@@ -142,7 +154,9 @@ class ParticleFilter:
                 np.concatenate([d.states for d in drawn], axis=1),
                 np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
             )
-        evidence = evidence.updated(likelihood, self.recovery.rates)
+        readings = self.sensor.readings(z)
+        evidence = evidence.updated(likelihood, readings, self.recovery.rates, not searching)
+        searching = searching and not self._in_one_place(particles)
         info = StepInfo(
             len(particles),
             particles.ess,
@@ -153,7 +167,15 @@ class ParticleFilter:
             tuple(sizes),
             filtered,
         )
-        return Belief(particles, {**bel.evidence, source: evidence}), info
+        found = {**bel.evidence, source: evidence}
+        return Belief(particles, found, searching=searching), info
+
+    def _in_one_place(self, particles: Particles) -> bool:
+        """Whether all but LEAST of the belief lies within ONE_PLACE around its mean."""
+        straight = particles.states[~np.array(self.space.circular)]
+        apart = straight - (straight @ particles.weights)[:, None]
+        away = (apart * apart).sum(axis=0) > ONE_PLACE**2
+        return float(particles.weights[away].sum()) <= LEAST
 
     def _predictive(self, bel: Belief, u: Any, draws: Draws) -> Predictive:
         """Particles for looking at a measurement beforehand, with random numbers of their own.
@@ -183,7 +205,8 @@ class ParticleFilter:
     ) -> list[Weighed]:
         """The particles of every part; how many they are is added to `sizes`."""
         models = self.motion, self.sensor, self.environment
-        target = Target(bel.particles, u, z, alpha, doubt, *models, bel.uniform)
+        known = bel.uniform, bel.searching
+        target = Target(bel.particles, u, z, alpha, doubt, *models, *known)
         drawn = []
         for k, part in enumerate(self.parts):
             source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))

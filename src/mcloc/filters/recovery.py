@@ -12,25 +12,38 @@ from mcloc.registry import Configurable, Registry, param
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Short and long running average of the likelihood of one reading; None before the first.
+    """Short and long running average of the likelihood of one reading.
 
     Of one reading, the mean of p(z | x)^(1/readings) over the predictive density, so that scans of
-    any length and novelty compare.
+    any length and novelty compare. fast: how well scans fit now. slow: how well they usually fit
+    where the filter is sure of the place; the same as fast while that is not known. Both are 0
+    before the first scan. readings: on how many readings slow rests.
     """
 
-    fast: float | None = None
-    slow: float | None = None
+    fast: float = 0.0
+    slow: float = 0.0
+    readings: float = 0.0
 
-    def updated(self, likelihood: float, rates: tuple[float, float]) -> "Evidence":
-        """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3]; the first scan starts
-        both.
+    def updated(
+        self, likelihood: float, readings: float, rates: tuple[float, float], sure: bool = True
+    ) -> "Evidence":
+        """w ← w + rate (w_avg − w) [Probabilistic Robotics, Table 8.3], with rates per reading: n
+        readings count 1 − (1 − rate)ⁿ. An average over fewer readings than 1 / rate is their mean.
+
+        sure: whether the filter is sure of the place. Else nothing is learned of what is usual: the
+        likelihood is that of many places, most of them wrong.
         """
-        if self.fast is None or self.slow is None:
-            return Evidence(likelihood, likelihood)
-        fast, slow = rates
-        return Evidence(
-            self.fast + fast * (likelihood - self.fast), self.slow + slow * (likelihood - self.slow)
-        )
+        total = self.readings + readings
+        fast, slow = (max(1.0 - (1.0 - rate) ** readings, readings / total) for rate in rates)
+        now = self.fast + fast * (likelihood - self.fast)
+        if not sure:
+            return Evidence(now, self.slow if self.known else now, self.readings)
+        return Evidence(now, self.slow + slow * (likelihood - self.slow), total)
+
+    @property
+    def known(self) -> bool:
+        """Whether anything is known of what is usual."""
+        return self.readings > 0.0
 
 
 class Recovery(Protocol):
@@ -38,7 +51,7 @@ class Recovery(Protocol):
 
     @property
     def rates(self) -> tuple[float, float]:
-        """How fast the short and the long average of Evidence follow, per update."""
+        """How fast the short and the long average of Evidence follow, per reading."""
 
     def alpha(self, evidence: Evidence) -> float:
         """α of (1 − α) p_d + α U: the uniform share of the dynamics, 0 … 1  [Yee Eq. 1]."""
@@ -60,9 +73,9 @@ class NoRandomParticles(Configurable):
     """
 
     rate_fast: float = param(
-        0.1, "", "rate of the short average of the likelihood", above=0, high=1
+        0.05, "1/reading", "rate of the short average of the likelihood", above=0, high=1
     )
-    rate_slow: float = param(0.02, "", "rate of the long average", above=0, high=1)
+    rate_slow: float = param(0.002, "1/reading", "rate of the long average", above=0, high=1)
     doubt_below: float = param(
         0.75,
         "",
@@ -79,7 +92,24 @@ class NoRandomParticles(Configurable):
         return 0.0
 
     def doubt(self, evidence: Evidence, likelihood: float) -> float:
-        return _shortfall(likelihood, evidence.slow, self.doubt_below)
+        return _shortfall(likelihood, evidence, self.doubt_below)
+
+
+@dataclass(frozen=True, slots=True)
+class WithoutRandomParticles:
+    """Another recovery, but for its random particles: something else is done instead of them."""
+
+    recovery: Recovery
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        return self.recovery.rates
+
+    def alpha(self, evidence: Evidence) -> float:
+        return 0.0
+
+    def doubt(self, evidence: Evidence, likelihood: float) -> float:
+        return self.recovery.doubt(evidence, likelihood)
 
 
 @dataclass(frozen=True)
@@ -96,23 +126,29 @@ class RandomParticles(NoRandomParticles):
 class Augmented(NoRandomParticles):
     """α = max(0, 1 − w_fast / (below · w_slow)) [Probabilistic Robotics, Table 8.3, where `below`
     is 1; Gutmann, Fox: IROS 2002, where it is 1/ν].
+
+    The short average looks back on 1 / rate_fast = 20 readings, about two scans that are all news.
+    To fit 0.7 times as well as usual over so many is e⁻⁷ times as likely. On 7 recorded logs of
+    tracked robots the least ratio was 0.56 (wheels that report backwards as forwards), 0.60 (people
+    around the robot) and 0.67 … 0.77 in the others; of 28 robots that were carried off it was below
+    0.7 within 1 m in 25, and within 1.5 m in the others.
     """
 
     below: float = param(
-        0.75, "", "random particles where short / long average is below", above=0, high=1
+        0.7, "", "random particles where short / long average is below", above=0, high=1
     )
 
     def alpha(self, evidence: Evidence) -> float:
-        return _shortfall(evidence.fast, evidence.slow, self.below)
+        return _shortfall(evidence.fast, evidence, self.below)
 
 
-def _shortfall(now: float | None, usual: float | None, below: float) -> float:
+def _shortfall(now: float, evidence: Evidence, below: float) -> float:
     """By how much `now` falls short of the share `below` of what is usual: 0 … 1, 0 where nothing
     is usual yet.
     """
-    if now is None or usual is None or below * usual == 0.0:
+    if not evidence.known or below * evidence.slow == 0.0:
         return 0.0
-    return max(0.0, 1.0 - now / (below * usual))
+    return max(0.0, 1.0 - now / (below * evidence.slow))
 
 
 RECOVERIES: Registry[Recovery] = Registry(

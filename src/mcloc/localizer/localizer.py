@@ -145,7 +145,7 @@ class Localizer:
         """
         self.filter = self.composition.build(grid)
         self.grid = grid
-        self.belief = Belief(self.belief.particles, uniform=self.belief.uniform)
+        self.belief = replace(self.belief, evidence={})
 
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
@@ -203,7 +203,8 @@ class Localizer:
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(scan.source)
         moved = None if last is None else between(last, at)
-        due = moved is None or self._forced or self.policy.due(moved)
+        doubtful = self.update is not None and self.update.info.doubt > 0.0
+        due = moved is None or self._forced or self.policy.due(moved, doubtful)
         if due and scan.t < self._busy_until:
             self.ignored["scan while the filter was busy"] += 1
             due = False

@@ -22,9 +22,15 @@ class UpdatePolicy(Configurable):
         0.5, "m", "drive (or m·rad turn) after which a scan is news", above=0
     )
 
-    def due(self, u: NDArray[np.float64]) -> bool:
-        """Whether the move u (dx, dy, dθ) is enough."""
-        return bool(np.hypot(u[0], u[1]) >= self.distance or abs(u[2]) >= self.angle)
+    def due(self, u: NDArray[np.float64], doubtful: bool = False) -> bool:
+        """Whether the move u (dx, dy, dθ) is enough.
+
+        doubtful: the last scan said that the wheels lie. Half of it is enough then: a robot that
+        went the other way is twice as far from where they say.
+        """
+        enough = 0.5 if doubtful else 1.0
+        moved, turned = np.hypot(u[0], u[1]), abs(u[2])
+        return bool(moved >= enough * self.distance or turned >= enough * self.angle)
 
     def novelty(self, u: NDArray[np.float64]) -> float:
         """How much of a scan after the move u is news, LEAST_NOVELTY … 1.

@@ -23,7 +23,7 @@ from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 2
+VERSION = 3
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
@@ -63,6 +63,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "ignored": dict(localizer.ignored),
         "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
         "uniform": belief.uniform,
+        "searching": belief.searching,
         "odometry_guard": _guard(localizer._odometry.guard),
         "scan_guard": _guard(localizer._guard),
         "newest": {source: str(t) for source, t in localizer._newest.items()},
@@ -107,7 +108,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     )
     particles = Particles(arrays["states"], arrays["log_weights"])
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
-    localizer.belief = Belief(particles, evidence, values["uniform"])
+    localizer.belief = Belief(particles, evidence, values["uniform"], values["searching"])
     localizer.step = values["step"]
     localizer.ignored.update(Counter(values["ignored"]))
     odometry = localizer._odometry

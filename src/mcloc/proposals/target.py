@@ -20,7 +20,8 @@ class Target:
     The dynamics are p(x_t | u, x_{t−1}) = p(x_t | m) [(1 − α) ((1 − δ) p_d + δ p_doubted) + α
     U(x_t)]: random particles are part of the model, not a correction afterwards [Yee Eq. 1]; so are
     moves that the wheels did not report, and that a robot does not stand in walls [Probabilistic
-    Robotics, §5.5]. uniform: whether nothing at all is known of the place yet.
+    Robotics, §5.5]. uniform: whether nothing at all is known of the place yet. searching: whether
+    the filter is not sure of it.
     """
 
     particles: Particles
@@ -32,6 +33,7 @@ class Target:
     sensor: SensorModel
     environment: Environment
     uniform: bool = False
+    searching: bool = False
 
     def sample_predictive(self, ancestors: Indices, draws: Draws, first: int) -> States:
         """(D, n): x_t from the dynamics but for p(x_t | m), the particles first … first + n − 1."""

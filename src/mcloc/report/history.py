@@ -37,8 +37,6 @@ class History:
         Where the clock was set back, what has a later stamp goes: it would contradict this.
         """
         info, evidence = e.update.info, e.update.info.evidence
-        assert evidence.fast is not None
-        assert evidence.slow is not None
         row = (
             *(e.t, *e.pose, *e.covariance[UPPER]),
             *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),

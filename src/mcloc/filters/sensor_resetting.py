@@ -1,0 +1,49 @@
+"""Sensor resetting: where a scan fits too badly, a share of the particles is replaced by poses from
+that scan  [Lenser, Veloso: Sensor resetting localization for poorly modelled mobile robots, ICRA
+2000].
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mcloc.draws import Draws
+from mcloc.filters.particle_filter import Belief, ParticleFilter, StepInfo
+from mcloc.filters.recovery import Augmented, Recovery
+from mcloc.particles import Particles
+from mcloc.proposals.dual import LOOKING
+from mcloc.protocols import PoseSampler
+
+RESETS = 1 << 8  # added to the number of the part; a filter has fewer parts
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorResetting(ParticleFilter):
+    """MCL, and after each step a share α of the belief is drawn from p(z | x)/π(z) instead.
+
+    resetting: says how large α is; in the paper it is 1 − likelihood / threshold of this very scan,
+    which is Augmented with rate_fast = 1. What is drawn has equal weights: where the scan fits two
+    places, both get their share, whatever was believed before.
+    """
+
+    sampler: PoseSampler
+    resetting: Recovery = field(default_factory=Augmented)
+
+    def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
+        """As of any particle filter."""
+        after, info = super().step(bel, u, z, draws)
+        alpha = self.resetting.alpha(info.evidence)
+        if alpha == 0.0 or bel.uniform:
+            return after, info
+        n = max(round(alpha * info.n), 1)
+        found = self.sampler.given(z, draws.of_part(LOOKING))
+        poses = found.sample(draws.of_part(RESETS), 0, n)
+        kept = after.particles
+        with np.errstate(divide="ignore"):
+            log_weights = np.concatenate(
+                [kept.log_weights + np.log1p(-alpha), np.full(n, np.log(alpha / n))]
+            )
+        particles = Particles.normalized(np.concatenate([kept.states, poses], axis=1), log_weights)
+        info = replace(info, n=len(particles), ess=particles.ess, alpha=alpha)
+        return replace(after, particles=particles, searching=True), info
