@@ -1,29 +1,39 @@
-"""How well the default configuration does on recorded logs: tracking, global, kidnapped.
+"""How well mcloc does on recorded logs: tracking, global localization, kidnappings.
 
-    MCLOC_DATA=… python benchmarks/real_logs.py [--jobs 2] [--out docs/results/real_logs.md]
+    MCLOC_DATA=… python benchmarks/real_logs.py [--jobs 2] [--rows FILE] [--out FILE]
 
-Runs the very job of `mcloc run` with nothing set but start, seed and, for the kidnapping, recovery.
-Success rates carry exact (Clopper–Pearson) intervals; a run that fails counts as not converged.
+Runs the very job of `mcloc run` with nothing set but start, seed and what is compared. Rows of
+single runs are kept in a file: a benchmark that was cut goes on from there. Intervals are 95 %:
+exact for shares, bootstrapped over seeds for means, Greenwood's for distances until found. Rows in
+a file are of one version of mcloc: remove it after a change.
 """
 
 import argparse
+import json
 import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
+from real_logs_tables import tables
 
 from mcloc import __version__
-from mcloc.config import RunConfig
+from mcloc.config import RunConfig, limited
+from mcloc.evaluation.convergence import found, recoveries
+from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.io.tum import read_trajectory
 from mcloc.report import Run, accuracy_of, summarize
+from mcloc.simulation.teleports import teleported
 
 DATA = Path(os.environ.get("MCLOC_DATA", "data"))
-TRACKING_SEEDS, GLOBAL_STARTS, GLOBAL_SEEDS, KIDNAPPED_SEEDS = 10, 10, 4, 20
+SEEDS, STARTS, GLOBAL_SEEDS = 20, 10, 4
 LEAST_LEFT = 15.0  # m of reference path that a global start leaves
+MANY = 20_000  # particles of MCL at a global start, at most
+PER_METRE = 0.01  # teleports
 
 
 @dataclass(frozen=True)
@@ -35,9 +45,9 @@ class Recording:
     log: str
     truth: str
 
-    def config(self, **settings: object) -> RunConfig:
+    def config(self, **settings: Any) -> RunConfig:
         paths = {k: str(DATA / getattr(self, k)) for k in ("map", "log", "truth")}
-        return RunConfig(**paths, threads=1, **settings)  # type: ignore[arg-type]
+        return RunConfig(**{**paths, "threads": 1, **settings})
 
 
 def _wean(log: str) -> Recording:
@@ -49,145 +59,133 @@ def _mapped(name: str) -> Recording:
     return Recording(name, f"{name}/{name}_train.yaml", f"{log}.log.gz", f"{log}.ref.csv")
 
 
+KIDNAPPED = _wean("robotdata_1then4")
+TELEPORTED = tuple(map(_mapped, ("intel", "fhw", "freiburg-079")))
 RECORDINGS = (
     _wean("robotdata1"),
     _wean("robotdata3"),
     _wean("robotdata4"),
     Recording("malaga", "malaga/map.yaml", "malaga/scans.log.gz", "malaga/ref.csv"),
-    _mapped("intel"),
-    _mapped("fhw"),
-    _mapped("freiburg-079"),
+    *TELEPORTED,
 )
+
+METHODS: dict[str, dict[str, Any]] = {
+    "mixture": {"filter": "mixture"},
+    "augmented MCL": {"filter": "mcl", "recovery": "augmented"},
+    "MCL with random particles": {"filter": "mcl", "recovery": "random"},
+    "sensor resetting": {"filter": "sensor-resetting"},
+    "MCL": {"filter": "mcl", "recovery": "none"},
+}
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run."""
+    """One run of a study."""
 
     study: str
     recording: Recording
-    settings: dict[str, object] = field(default_factory=dict)
+    method: str
+    seed: int
+    entries: dict[str, Any] = field(default_factory=dict)
 
-    def __call__(self) -> dict[str, object]:
-        run = Run(self.recording.config(**self.settings))
+    @property
+    def key(self) -> str:
+        start = self.entries.get("start", 0.0)
+        return f"{self.study} {self.recording.name} {self.method} {self.seed} {start:.3f}"
+
+    def __call__(self) -> dict[str, Any]:
+        run = Run(self.recording.config(**self.entries, seed=self.seed))
+        assert run.truth is not None
+        kidnappings: tuple[float, ...] = ()
+        if self.study == "kidnapped" and self.recording is not KIDNAPPED:
+            moved = teleported(run.log, run.truth, self.seed, per_metre=PER_METRE)
+            run.log, run.truth, kidnappings = moved, moved.truth, moved.kidnappings
         for _ in run:
             pass
-        return summarize(run, accuracy_of(run))
+        errors = pose_errors(run.history.trajectory, run.truth)
+        moves = find_kidnappings(errors.t, errors.reference, run.history.wheels, kidnappings)
+        summary = summarize(run, accuracy_of(run))
+        return {
+            "study": self.study,
+            "log": self.recording.name,
+            "method": self.method,
+            "seed": self.seed,
+            "start": self.entries.get("start"),
+            "accuracy": summary["accuracy"],
+            "realtime": summary["realtime_factor"],
+            "update_ms": summary["update_ms"]["median"],
+            "mean_ms": float(1e3 * run.history.updates.table[1:, 1].mean()),
+            "lost": errors.lost_fraction(2.0),
+            "first": _stretches(found(errors, moves)[:1])[0],
+            **{name: _stretches(judged(errors, moves)[1:]) for name, judged in JUDGED.items()},
+        }
+
+
+JUDGED: dict[str, Callable[..., Any]] = {"found": found, "stays": recoveries}
+
+
+def _stretches(recovered: list[Any]) -> list[list[Any]]:
+    """[metres to drive, metres until it was found, whether it was] of each kidnapping."""
+    return [[r.path_m, r.after_m, r.recovered] for r in recovered]
+
+
+def _tracked(truth: Any) -> dict[str, Any]:
+    return {"start": truth.t[0] - 1e-3, "initial": tuple(map(float, truth.poses[0]))}
 
 
 def jobs() -> Iterator[Job]:
-    """Every run of the three studies."""
+    """Every run."""
+    both = {"mixture": METHODS["mixture"], "MCL": METHODS["augmented MCL"]}
     for recording in RECORDINGS:
         truth = read_trajectory(DATA / recording.truth)
-        start = {"start": truth.t[0] - 1e-3, "initial": tuple(map(float, truth.poses[0]))}
-        for seed in range(TRACKING_SEEDS):
-            yield Job("tracking", recording, {**start, "seed": seed})
+        for method, parts in both.items():
+            for seed in range(SEEDS):
+                yield Job("tracking", recording, method, seed, {**_tracked(truth), **parts})
         driven = np.hypot(*np.diff(truth.poses[:, :2], axis=0).T)
         left = driven.sum() - np.concatenate([[0.0], np.cumsum(driven)])
         last = np.flatnonzero(left >= LEAST_LEFT)[-1]
-        for t in truth.t[np.linspace(0, last, GLOBAL_STARTS).astype(int)]:
-            for seed in range(GLOBAL_SEEDS):
-                yield Job("global", recording, {"start": t - 1e-3, "seed": 100 + seed})
-    kidnapped = _wean("robotdata_1then4")
-    truth = read_trajectory(DATA / kidnapped.truth)
-    for recovery in ("none", "random", "augmented"):
-        for seed in range(KIDNAPPED_SEEDS):
-            start = {"start": truth.t[0] - 1e-3, "initial": tuple(map(float, truth.poses[0]))}
-            yield Job("kidnapped", kidnapped, {**start, "recovery": recovery, "seed": seed})
+        for t in truth.t[np.linspace(0, last, STARTS).astype(int)]:
+            for method, parts in both.items():
+                entries = parts if method == "mixture" else limited(parts, MANY)
+                for seed in range(GLOBAL_SEEDS):
+                    begun = {"start": t - 1e-3, **entries}
+                    yield Job("global", recording, method, 100 + seed, begun)
+    for recording in (KIDNAPPED, *TELEPORTED):
+        truth = read_trajectory(DATA / recording.truth)
+        for method, parts in METHODS.items():
+            for seed in range(SEEDS):
+                yield Job("kidnapped", recording, method, seed, {**_tracked(truth), **parts})
 
 
-def rate(successes: int, n: int) -> str:
-    """k/n with its exact 95 % interval."""
-    low, high = binomtest(successes, n).proportion_ci(method="exact")
-    return f"{successes}/{n} ({100 * low:.0f}–{100 * high:.0f} %)"
-
-
-def spread(values: list[float], digits: int) -> str:
-    """median (smallest–largest)."""
-    if not values:
-        return "–"
-    return f"{np.median(values):.{digits}f} ({min(values):.{digits}f}–{max(values):.{digits}f})"
-
-
-def tables(done: list[tuple[Job, dict]]) -> Iterator[str]:
-    """The report, line by line."""
-
-    def of(study: str, **match: object) -> list[dict]:
-        return [
-            summary
-            for job, summary in done
-            if job.study == study
-            and all(getattr(job.recording, k, job.settings.get(k)) == v for k, v in match.items())
-        ]
-
-    yield "## Tracking from the reference start (σ 0.5 m, 15°)\n"
-    yield f"{TRACKING_SEEDS} seeds; median (smallest–largest) over the seeds.\n"
-    yield (
-        "| log | position median, m | RMSE, m | worst error, m | heading median, ° "
-        "| NEES median | runs ever > 1 m off | real time × |"
-    )
-    yield "|---|---|---|---|---|---|---|---|"
-    for r in RECORDINGS:
-        s = of("tracking", name=r.name)
-        a = [x["accuracy"] for x in s]
-        yield (
-            f"| {r.name} | {spread([x['position_median_m'] for x in a], 3)} "
-            f"| {spread([x['position_rmse_m'] for x in a], 3)} "
-            f"| {max(x['position_max_m'] for x in a):.2f} "
-            f"| {spread([x['heading_median_deg'] for x in a], 2)} "
-            f"| {spread([x['nees_median'] for x in a if x['nees_median'] is not None], 1)} "
-            f"| {rate(sum(x['position_max_m'] > 1.0 for x in a), len(a))} "
-            f"| {np.median([x['realtime_factor'] for x in s]):.0f} |"
-        )
-    yield "\n## Global localization\n"
-    yield f"{GLOBAL_STARTS} start times with ≥ {LEAST_LEFT:g} m left × {GLOBAL_SEEDS} seeds.\n"
-    yield "| log | converged | distance until then, m: 25 / 50 / 75 / 90 / 100 % | by start time |"
-    yield "|---|---|---|---|"
-    for r in RECORDINGS:
-        a = [x["accuracy"] for x in of("global", name=r.name)]
-        d = [x["distance_to_converge_m"] for x in a if x["converged"]]
-        quantiles = " / ".join(f"{q:.1f}" for q in np.quantile(d, [0.25, 0.5, 0.75, 0.9, 1.0]))
-        starts = [
-            sum(x["converged"] for x in a[i : i + GLOBAL_SEEDS])
-            for i in range(0, len(a), GLOBAL_SEEDS)
-        ]
-        yield (
-            f"| {r.name} | {rate(len(d), len(a))} | {quantiles} | {' '.join(map(str, starts))} |"
-        )
-    yield "\n## Kidnapping (robotdata_1then4)\n"
-    yield f"Tracking until the robot is carried off; {KIDNAPPED_SEEDS} seeds.\n"
-    yield "| recovery | recovered | after, m | after, s |"
-    yield "|---|---|---|---|"
-    for recovery in ("none", "random", "augmented"):
-        found = [x["accuracy"]["recoveries"] for x in of("kidnapped", recovery=recovery)]
-        ok = [one[-1] for one in found if one and one[-1]["recovered"]]
-        yield (
-            f"| {recovery} | {rate(len(ok), len(found))} "
-            f"| {spread([x['after_m'] for x in ok], 1)} | {spread([x['after_s'] for x in ok], 1)} |"
-        )
-
-
-def _run(job: Job) -> dict:
+def _run(job: Job) -> dict[str, Any]:
     return job()
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--rows", type=Path, default=Path("real_logs.jsonl"), help="of each run")
     parser.add_argument("--out", type=Path, default=Path("docs/results/real_logs.md"))
     arguments = parser.parse_args()
-    todo = list(jobs())
-    done = []
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        for job, summary in zip(todo, pool.map(_run, todo), strict=True):
-            done.append((job, summary))
-            print(f"\r{len(done)}/{len(todo)} {job.study} {job.recording.name}   ", end="")
-    head = (
-        f"# Real logs\n\nMeasured with mcloc {__version__}, default configuration, by\n\n"
-        "    MCLOC_DATA=… python benchmarks/real_logs.py\n\n"
-        "Seeds are fixed: the same command gives the same tables, but for the speed.\n"
-    )
-    arguments.out.write_text(head + "\n" + "\n".join(tables(done)) + "\n")
+    kept = arguments.rows.read_text().splitlines() if arguments.rows.exists() else []
+    whole = [line for line in kept if line.endswith("}")]  # the last one may have been cut
+    rows = {row.pop("key"): row for row in map(json.loads, whole)}
+    everything = list(jobs())
+    todo = [job for job in everything if job.key not in rows]
+    with ProcessPoolExecutor(arguments.jobs) as pool, arguments.rows.open("a") as file:
+        running = {pool.submit(_run, job): job for job in todo}
+        for done, future in enumerate(as_completed(running), 1):
+            key, row = running[future].key, future.result()
+            rows[key] = row
+            file.write("\n" + json.dumps({"key": key, **row}))
+            file.flush()
+            print(f"\r{done}/{len(todo)} {key}          ", end="", flush=True)
+    head = f"# Real logs\n\nMeasured with mcloc {__version__}, default configuration, by\n\n"
+    text = head + "\n".join(tables([rows[job.key] for job in everything])) + "\n"
+    # What was written by hand after the tables stays.
+    old = arguments.out.read_text() if arguments.out.exists() else ""
+    _, mark, by_hand = old.partition("## Against what was asked of it")
+    arguments.out.write_text(text + ("\n" + mark + by_hand if mark else ""))
 
 
 if __name__ == "__main__":

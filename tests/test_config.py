@@ -134,6 +134,16 @@ def test_limited(size: str, particles: int, expected: dict[str, int]) -> None:
     assert limited({"size": size}, particles)["settings"]["size"] == expected
 
 
+def test_no_filter_has_more_particles_than_that_while_it_searches() -> None:
+    assert limited({}, 300)["settings"]["filter"] == {"particles": 300}
+    few, many = ({"settings": {"filter": {"particles": n}}} for n in (200, 30_000))
+    assert limited(few, 300)["settings"]["filter"] == {"particles": 200}
+    assert limited(many, 20_000)["settings"]["filter"] == {"particles": 20_000}
+    assert limited({"size": "fixed"}, 20_000)["settings"]["filter"] == {"particles": 20_000}
+    assert "filter" not in limited({}, 20_000)["settings"]
+    assert "filter" not in limited({"filter": "mcl"}, 300)["settings"]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -99,7 +99,7 @@ def test_summary_agrees_with_the_tables(tracked: Path, drive: Path) -> None:
     truth = read_trajectory(drive / "truth.csv")
     driven = float(np.linalg.norm(np.diff(truth.poses[:, :2], axis=0), axis=1).sum())
     assert set(summary) == SUMMARY
-    assert (summary["seed"], summary["filter"], summary["motion"]) == (7, "mcl", "odometry")
+    assert (summary["seed"], summary["filter"], summary["motion"]) == (7, "mixture", "odometry")
     assert summary["sensor"] == "likelihood-field"
     assert summary["scans"] == len(estimates)
     assert summary["duration_s"] == pytest.approx(truth.t[-1] - truth.t[0])
@@ -130,7 +130,8 @@ def test_config_is_complete(tracked: Path) -> None:
     assert config["seed"] == 7
     assert config["size"] == "kld"
     assert set(config["settings"]) == {
-        *("motion", "sensor", "environment", "size", "recovery", "sampler", "update")
+        *("filter", "motion", "sensor", "environment"),
+        *("size", "recovery", "sampler", "update"),
     }
     assert "sigma_hit" in config["settings"]["sensor"]
     assert "distance" in config["settings"]["update"]

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from mcloc.evaluation import Accuracy, Recovery, evaluate
+from mcloc.evaluation.convergence import found
+from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.kidnapping import Kidnapping
 from mcloc.trajectory import Trajectory
 
 GOOD, FAR, TURNED = (0.4, np.radians(9.0)), (0.6, 0.0), (0.0, np.radians(11.0))
@@ -111,3 +114,27 @@ def test_the_path_of_a_stretch_ends_where_the_next_kidnapping_begins() -> None:
     # References 0 to 3, 4 to 9 and 10 to 12; the ways of 8 m and 5 m between them are no path.
     a = accuracy([GOOD] * 13, step=0.5, jumps={4: 8.0, 10: 5.0})
     assert [r.path_m for r in a.recoveries] == [2.5, 1.0]
+
+
+# Found, whatever comes later
+
+
+def found_after(errors: list[tuple[float, float]], kidnapped: list[int]) -> list[float | None]:
+    """Metres, for the start and each kidnapping; a reference each 0.75 m and 2 s."""
+    t = 10.0 + 2.0 * np.arange(len(errors))
+    truth = np.column_stack([0.75 * np.arange(len(errors)), np.zeros((len(errors), 2))])
+    estimate = Trajectory(t, truth + np.array([(0.0, *e) for e in errors]))
+    compared = pose_errors(estimate, Trajectory(t, truth))
+    listed = [Kidnapping(float(t[k]), k) for k in kidnapped]
+    return [r.after_m if r.recovered else None for r in found(compared, listed)]
+
+
+def test_found_is_what_stays_good_for_3_m_whatever_comes_later() -> None:
+    assert found_after([FAR] + [GOOD] * 5 + [FAR] * 3, []) == [0.75]
+    assert found_after([FAR] + [GOOD] * 4 + [FAR] + [GOOD] * 5, []) == [4.5]
+    assert found_after([GOOD] * 4 + [FAR], []) == [None]
+
+
+def test_each_kidnapping_is_judged_up_to_the_next_one() -> None:
+    errors = [GOOD] * 6 + [FAR] * 2 + [GOOD] * 5 + [FAR] + [GOOD] * 3
+    assert found_after(errors, [6, 13]) == [0.0, 1.5, None]

@@ -52,3 +52,17 @@ def test_it_is_saved_before_its_first_scan_and_goes_on_the_same(drive, tmp_path)
     one, other = (next(iter(x.run(drive.events[:20]))) for x in (whole, again))
     assert np.array_equal(one.pose, other.pose)
     assert np.array_equal(one.update.particles.states, other.update.particles.states)
+
+
+def test_it_is_saved_while_it_searches_and_goes_on_the_same(drive, tmp_path):
+    whole = Localizer(drive.grid, "mixture", seed=3)
+    events = iter(drive.events)
+    while whole.update is None:
+        whole.process(next(events))
+    assert whole.belief.searching
+    save(whole, tmp_path / "state")
+    again = restore(tmp_path / "state", drive.grid)
+    assert again.belief.searching
+    rest = list(events)[:60]
+    one, other = ([e.pose for e in x.run(rest)] for x in (whole, again))
+    assert np.array_equal(one, other)

@@ -338,15 +338,25 @@ def test_several_lasers_have_features_of_their_own():
             assert len(tree._simulated) == (k + 1 if k < MOST_LASERS else 1)
 
 
+def test_places_lie_as_far_apart_as_the_memory_asks():
+    grid = walled()
+    wide, laser = tree_of(grid, spacing=0.2), scans_of(grid, HALF, np.zeros((1, 3)))[0]
+    wide.prepare(laser)
+    (all_of_them,) = wide._simulated.values()
+    half = tree_of(grid, spacing=0.2, memory=0.5e-6 * all_of_them.nbytes)
+    half.prepare(laser)
+    (features,) = half._simulated.values()
+    assert 0.3 * all_of_them.nbytes < features.nbytes <= 0.5 * all_of_them.nbytes
+    assert half.boxes.sides(0)[0] > wide.boxes.sides(0)[0]
+
+
 def test_maps_that_nobody_can_be_found_in_are_refused():
     grid = walled()
     fog = replace(grid, cells=np.full((30, 30), UNKNOWN, dtype=np.int8), name="fog.yaml")
     with pytest.raises(MapError, match=r"fog\.yaml: no free cell"):
         FeatureTree(fog, LikelihoodField(grid), FreeSpace(grid))
-    with pytest.raises(
-        MapError, match=r"take 5 MB, more than sampler\.memory = 1 MB; use a larger"
-    ):
-        tree_of(grid, spacing=0.2, headings=100, memory=1.0)
+    with pytest.raises(ConfigError, match=r"memory = 1e-05 MB does not hold the \d+ features"):
+        tree_of(grid, memory=1e-5)
     with pytest.raises(ConfigError, match=r"FeatureTree\.spacing = 0\.0 m must be >= 0\.01"):
         tree_of(grid, spacing=0.0)
 

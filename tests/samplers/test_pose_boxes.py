@@ -73,6 +73,7 @@ def test_the_first_part_of_the_circle_lies_around_the_maps_own_x_axis(boxes):
 
 def test_free_squares_are_those_with_a_free_cell_and_stand_on_it(boxes):
     squares, x = boxes.free_squares()
+    assert len(squares) == boxes.count_free_squares()
     row, column = boxes.grid.cell_of(x.T)
     assert boxes.grid.free[row, column].all()
     assert np.array_equal(boxes.around(x, 0), squares * boxes.headings)

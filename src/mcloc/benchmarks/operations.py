@@ -191,7 +191,7 @@ def _weighed(case: Case) -> Particles:
 
 def _mcl(case: Case, **chosen: Any) -> ParticleFilter:
     settings = {**chosen.pop("settings"), "sensor": {"max_beams": case.beams}}
-    return Composition(recovery="none", settings=settings, **chosen).build(case.scene.grid)
+    return Composition("mcl", recovery="none", settings=settings, **chosen).build(case.scene.grid)
 
 
 def _stepped(mcl: ParticleFilter, bel: Belief, z: Any) -> Any:

@@ -91,7 +91,7 @@ def run(
     ] = None,
     particles: Annotated[
         int | None,
-        _Option(metavar="N", help="With --size fixed: how many. With kld: at most this many."),
+        _Option(metavar="N", help="With --size fixed: how many. Else: at most this many."),
     ] = None,
     recovery: Annotated[
         str | None,

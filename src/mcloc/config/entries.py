@@ -66,7 +66,15 @@ def limited(entries: Mapping[str, Any], particles: int) -> dict[str, Any]:
         wanted = {"maximum": particles}
         if _number("size.minimum", given.get("minimum", defaults["minimum"])) > particles:
             wanted["minimum"] = particles
-    return merged(entries, {"settings": {"size": wanted}})
+    settings = {"size": wanted}
+    # Some filters have a number of their own, for when they search.
+    composed = parameters(REGISTRIES["filter"].get(entries.get("filter", RunConfig.filter)))
+    own = {f.name: f.default for f in composed}
+    if "particles" in own:
+        given = entries.get("settings", {}).get("filter", {}).get("particles", own["particles"])
+        if "particles" in defaults or _number("filter.particles", given) > particles:
+            settings["filter"] = {"particles": particles}
+    return merged(entries, {"settings": settings})
 
 
 def _text(where: str, value: object) -> str:

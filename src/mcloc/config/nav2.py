@@ -65,8 +65,7 @@ def _start(file: AmclFile, notes: Notes) -> dict[str, Any]:
     else:
         notes.append(
             "set_initial_pose: false; amcl waits to be told where the robot is, here the whole map"
-            f" is searched, for which {p.max_particles} particles are few: give --initial, or"
-            " --particles 200000"
+            " is searched: give --initial to say it"
         )
     if p.freespace_downsampling:
         notes.append("freespace_downsampling: random poses come from all free cells here")

@@ -2,7 +2,9 @@
 
 Shares have the exact interval [Clopper and Pearson, Biometrika 26, 1934]; means, medians, and
 differences and ratios of pairs the bias-corrected and accelerated bootstrap, BCa [Efron, Better
-Bootstrap Confidence Intervals, JASA 82, 1987].
+Bootstrap Confidence Intervals, JASA 82, 1987]. Where several differences decide one question, their
+p-values are corrected [Holm, A Simple Sequentially Rejective Multiple Test Procedure, Scand. J.
+Statistics 6, 1979].
 """
 
 import math
@@ -99,6 +101,34 @@ def paired_ratio(a: ArrayLike, b: ArrayLike, level: float = LEVEL) -> Interval:
     if min(first.min(), second.min()) < 0.0 or second.max() == 0.0:
         raise ConfigError("a ratio of means needs values >= 0, and one > 0 to divide by")
     return _bootstrapped(_ratio, level, first, second)
+
+
+def paired_p(a: ArrayLike, b: ArrayLike) -> float:
+    """How probable a mean of a − b that is this far from 0 would be if the true one were 0:
+    two-sided, by the t-test of pairs, (N,) each.
+
+    1 where all pairs are equal, and for one pair, which tells of no spread. Raises ConfigError as
+    `paired_difference`.
+    """
+    from scipy.stats import ttest_1samp
+
+    first, second = _sample(a), _sample(b)
+    _check_pairs(first, second)
+    apart = first - second
+    if np.ptp(apart) == 0.0:
+        return 1.0 if len(apart) == 1 or apart[0] == 0.0 else 0.0
+    return float(ttest_1samp(apart, 0.0).pvalue)
+
+
+def holm(p_values: ArrayLike) -> _Values:
+    """(M,) p-values, each corrected for there being M: of those below a level, one that is there by
+    chance is among them with no more than that probability, however they depend on each other.
+    """
+    p = _sample(p_values)
+    order = np.argsort(p, kind="stable")
+    corrected = np.empty_like(p)
+    corrected[order] = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
+    return np.minimum(corrected, 1.0)
 
 
 def _ratio(a: _Values, b: _Values, axis: int = -1) -> _Values:

@@ -8,6 +8,10 @@ from mcloc.experiments import (
     e02_scan_likelihood,
     e03_global_localization,
     e05_sample_size,
+    e08_sensor_noise,
+    e09_mixture_proposal,
+    e10_few_samples,
+    e11_kidnapped_museum,
     e14_adaptive_sizes,
 )
 from mcloc.experiments.study import Study
@@ -20,6 +24,10 @@ STUDIES: Mapping[str, Study] = {
         e02_scan_likelihood.STUDY,
         e03_global_localization.STUDY,
         e05_sample_size.STUDY,
+        e08_sensor_noise.STUDY,
+        e09_mixture_proposal.STUDY,
+        e10_few_samples.STUDY,
+        e11_kidnapped_museum.STUDY,
         e14_adaptive_sizes.STUDY,
     )
 }

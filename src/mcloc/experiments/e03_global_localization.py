@@ -98,6 +98,7 @@ def looks(driven: Drive, first: int, setting: Setting, seed: int) -> Iterator[Se
     localizer = Localizer(
         driven.grid,
         Composition(
+            "mcl",
             size="fixed",
             recovery="random",
             settings={

@@ -60,6 +60,7 @@ def run(setting: Setting, seed: int) -> Record:
     start = tracked.truth.t[0] - 1e-3
     events = [event for event in tracked.events if event.t >= start]
     composition = Composition(
+        "mcl",
         size="fixed",
         recovery="none",
         settings={

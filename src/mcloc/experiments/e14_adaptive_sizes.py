@@ -89,13 +89,14 @@ def composition(size: str) -> Composition:
     settings: dict[str, dict[str, float]] = {"recovery": {"share": 0.05, "doubt_below": 0.0}}
     if kind != "adaptive":
         return Composition(
+            "mcl",
             size="fixed",
             recovery="random",
             settings={**settings, "size": {"particles": int(size)}},
         )
     limits = {"threshold": float(threshold), "minimum": 100, "maximum": FIXED[-1]}
     return Composition(
-        size="likelihood-sum", recovery="random", settings={**settings, "size": limits}
+        "mcl", size="likelihood-sum", recovery="random", settings={**settings, "size": limits}
     )
 
 

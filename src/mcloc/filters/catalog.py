@@ -51,7 +51,8 @@ class Models:
         sizes which are found while drawing.
         """
         if self.resampler.needs_n:
-            known_before(self.size.fixed)
+            for part in parts:
+                known_before(part.size.fixed)
         models = self.motion, self.sensor, self.environment
         return ParticleFilter(*models, parts, self.recovery, people=self.people)
 
@@ -73,11 +74,11 @@ class MCL(Configurable):
 
 @dataclass(frozen=True)
 class MixtureMCL(Configurable):
-    """MCL with mixture proposal [Fox01 §19.3.3]: while it searches, a share of the particles comes
-    from the scan.
+    """MCL with mixture proposal [Fox01 §19.3.3]: at a global start the particles come from the
+    first scan, and while recovery asks for random ones a share of them does.
 
-    It searches from a global start, or from when recovery asks for random particles, until it is
-    sure of one place.
+    From then on until it is sure of one place it searches, and keeps unlikely places. With recovery
+    `random` it looks at each scan, and the share of the belief is `carried_off` at most.
     """
 
     phi: float = param(
@@ -85,7 +86,7 @@ class MixtureMCL(Configurable):
     )
     particles: int = param(5000, "", "particles while it searches", low=1, high=1e7)
     carried_off: float = param(
-        0.01, "", "P(the robot was carried off), where it seems to be lost", above=0, high=0.99
+        0.01, "", "P(carried off since the last update), where it seems lost", above=0, high=0.99
     )
 
     def compose(self, models: Models) -> ParticleFilter:
@@ -174,7 +175,7 @@ REGISTRIES: dict[str, Registry[Any]] = {
 class Composition:
     """A filter described by names. settings: {kind: {parameter: value}}, kinds as in REGISTRIES."""
 
-    filter: str = "mcl"
+    filter: str = "mixture"
     motion: str = "odometry"
     sensor: str = "likelihood-field"
     environment: str = "free-space"

@@ -30,7 +30,7 @@ from mcloc.resampling import Systematic
 from mcloc.statespace import SE2, StateSpace
 
 ONE_PLACE = 1.0  # m around the mean
-LEAST = 1e-6  # of the belief
+LEAST, LITTLE = 1e-6, 0.002  # of the belief
 
 
 class Proposal(Protocol):
@@ -62,7 +62,8 @@ class Part:
 class Belief:
     """What a particle filter carries from step to step.
 
-    evidence: by sensor. uniform: whether it is still that of a robot of which nothing is known.
+    evidence: by sensor; nothing is learned of what is usual while more than LITTLE of the belief
+    is not in one place. uniform: whether it is still that of a robot of which nothing is known.
     searching: whether the filter is not sure of the place: from a uniform start, or from when it
     found itself lost, until all but LEAST of the belief is in one place.
     """
@@ -155,8 +156,9 @@ class ParticleFilter:
                 np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
             )
         readings = self.sensor.readings(z)
-        evidence = evidence.updated(likelihood, readings, self.recovery.rates, not searching)
-        searching = searching and not self._in_one_place(particles)
+        away = self._away(particles) if searching else 0.0
+        evidence = evidence.updated(likelihood, readings, self.recovery.rates, away <= LITTLE)
+        searching = away > LEAST
         info = StepInfo(
             len(particles),
             particles.ess,
@@ -170,12 +172,12 @@ class ParticleFilter:
         found = {**bel.evidence, source: evidence}
         return Belief(particles, found, searching=searching), info
 
-    def _in_one_place(self, particles: Particles) -> bool:
-        """Whether all but LEAST of the belief lies within ONE_PLACE around its mean."""
+    def _away(self, particles: Particles) -> float:
+        """How much of the belief lies farther than ONE_PLACE from its mean."""
         straight = particles.states[~np.array(self.space.circular)]
         apart = straight - (straight @ particles.weights)[:, None]
         away = (apart * apart).sum(axis=0) > ONE_PLACE**2
-        return float(particles.weights[away].sum()) <= LEAST
+        return float(particles.weights[away].sum())
 
     def _predictive(self, bel: Belief, u: Any, draws: Draws) -> Predictive:
         """Particles for looking at a measurement beforehand, with random numbers of their own.

@@ -130,8 +130,8 @@ class Augmented(NoRandomParticles):
     The short average looks back on 1 / rate_fast = 20 readings, about two scans that are all news.
     To fit 0.7 times as well as usual over so many is e⁻⁷ times as likely. On 7 recorded logs of
     tracked robots the least ratio was 0.56 (wheels that report backwards as forwards), 0.60 (people
-    around the robot) and 0.67 … 0.77 in the others; of 28 robots that were carried off it was below
-    0.7 within 1 m in 25, and within 1.5 m in the others.
+    around the robot) and 0.67 … 0.77 in the others; of 31 robots that were carried off it was below
+    0.7 within 1 m in 28, and within 1.5 m in the others.
     """
 
     below: float = param(

@@ -10,10 +10,11 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.filters.particle_filter import Belief, ParticleFilter, StepInfo
-from mcloc.filters.recovery import Augmented, Recovery
+from mcloc.filters.recovery import Augmented, Evidence, Recovery
 from mcloc.particles import Particles
 from mcloc.proposals.dual import LOOKING
 from mcloc.protocols import PoseSampler
+from mcloc.resampling import Systematic
 
 RESETS = 1 << 8  # added to the number of the part; a filter has fewer parts
 
@@ -37,13 +38,11 @@ class SensorResetting(ParticleFilter):
         if alpha == 0.0 or bel.uniform:
             return after, info
         n = max(round(alpha * info.n), 1)
+        own = draws.of_part(RESETS)
         found = self.sampler.given(z, draws.of_part(LOOKING))
-        poses = found.sample(draws.of_part(RESETS), 0, n)
-        kept = after.particles
-        with np.errstate(divide="ignore"):
-            log_weights = np.concatenate(
-                [kept.log_weights + np.log1p(-alpha), np.full(n, np.log(alpha / n))]
-            )
-        particles = Particles.normalized(np.concatenate([kept.states, poses], axis=1), log_weights)
-        info = replace(info, n=len(particles), ess=particles.ess, alpha=alpha)
-        return replace(after, particles=particles, searching=True), info
+        kept = Systematic()(after.particles, info.n - n, own).of(0, info.n - n)
+        states = np.take(after.particles.states, kept, axis=1)
+        particles = Particles.equal(np.concatenate([states, found.sample(own, 0, n)], axis=1))
+        info = replace(info, ess=particles.ess, alpha=alpha)
+        searching = after.searching or alpha > self.resetting.alpha(Evidence())
+        return replace(after, particles=particles, searching=searching), info

@@ -49,7 +49,7 @@ class Localizer:
     def __init__(
         self,
         grid: OccupancyGrid,
-        filter: str | Composition = "mcl",
+        filter: str | Composition = "mixture",
         *,
         seed: int | None = None,
         initial: ArrayLike | None = None,

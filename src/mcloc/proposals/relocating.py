@@ -30,9 +30,9 @@ class Relocating:
     That the recovery has its doubts is not known better than that: a robot that seems lost was
     carried off with probability `carried_off`, at most the α that recovery asks for, and mostly
     somebody stands around it. The scans decide, not one of them but several. Meanwhile the set has
-    `particles`, however few its size asks for, and `keeping` keeps places that are unlikely for
-    now. A robot that is localized pays for none of this: then this does what MCL does, to the last
-    bit.
+    `particles`, whatever its size asks for, and `keeping` keeps places that are unlikely for now. A
+    robot that is localized pays for none of this, unless recovery asks for random particles all the
+    time: then this does what MCL does, to the last bit.
     """
 
     sampler: PoseSampler
@@ -65,8 +65,10 @@ class Relocating:
             jumps = draws.uniform(Stream.PROPOSAL, first, count)[0] < phi
             x = np.ascontiguousarray(found.sample(draws, first, count)[:, jumps])
             states[:, jumps] = x
-            anywhere = target.environment.log_density(x)
-            before[jumps] = math.log(alpha / phi) + anywhere - found.log_density(x)
+            weight, q = target.environment.log_density(x), found.log_density(x)
+            # Where nobody can be, q̄ may be 0 as well: at the edge of a cell, by rounding.
+            np.subtract(weight, q, out=weight, where=weight > -np.inf)
+            before[jumps] = math.log(alpha / phi) + weight
             before += target.environment.log_prior(states)
             return Weighed(states, before, target.sensor.log_likelihood(states, target.z))
 

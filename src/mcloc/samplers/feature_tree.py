@@ -2,6 +2,7 @@
 look, the likelihood says what is there  [Fox01 §19.3.2].
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -67,7 +68,9 @@ class FeatureTree(Configurable):
 
     A scan took 7 … 11 ms on one thread; with the exact rays of a beam model 45 … 65 ms on two.
     Simulating took 0.1 … 0.4 s and 9 … 20 MB, and 0.6 s and 36 MB for 50 × 50 m of free space. That
-    is too little to keep it in a file, which would have to be held to map and settings.
+    is too little to keep it in a file, which would have to be held to map and settings. Of a map
+    with more than 14,000 m² of free space the features would pass `memory`: its places lie farther
+    apart, and a scan is the less likely to find its own.
 
     The papers put features into a kd-tree, which the name recalls. Asked for 2000 neighbours in 16
     dimensions SciPy's took 18 … 32 ms; comparing all of 300,000 scans takes 2.5 ms.
@@ -76,7 +79,9 @@ class FeatureTree(Configurable):
     grid: OccupancyGrid
     sensor: SensorModel
     environment: Environment
-    spacing: float = param(0.4, "m", "between the places of simulated scans", low=0.01, high=100)
+    spacing: float = param(
+        0.4, "m", "between places of simulated scans; more where memory asks", low=0.01, high=100
+    )
     headings: int = param(36, "", "simulated scans at a place", low=4, high=720)
     sectors: int = param(16, "", "features of a scan, at most", low=1, high=360)
     neighbours: int = param(2000, "", "boxes that a scan is looked for in", low=1, high=1e6)
@@ -86,18 +91,14 @@ class FeatureTree(Configurable):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        places = self._places[0]
-        if len(places) == 0:
+        if not self.grid.free.any():
             raise MapError(
                 f"{self.grid.name}: no free cell to stand on; check free_thresh and negate"
             )
-        wanted = 4e-6 * len(places) * self.headings * self.sectors
-        if wanted > self.memory:
-            raise MapError(
-                f"{self.grid.name}: {self.sectors} features of scans at {len(places)} places in "
-                f"{self.headings} headings take {wanted:.0f} MB, more than sampler.memory = "
-                f"{self.memory:g} MB; use a larger sampler.spacing, or fewer sampler.headings or "
-                "sampler.sectors"
+        if self._most_places < 1:
+            raise self.wrong(
+                f"memory = {self.memory:g} MB does not hold the {self.sectors} features of scans "
+                f"in {self.headings} headings at a single place"
             )
 
     def prepare(self, z: Scan) -> None:
@@ -137,9 +138,21 @@ class FeatureTree(Configurable):
 
     @cached_property
     def boxes(self) -> PoseBoxes:
-        """Those that the sensor is looked for in, at level 0."""
+        """Those that the sensor is looked for in, at level 0: `spacing` wide, or so wide that the
+        features of all of them fit into `memory`.
+        """
         cells = max(round(self.spacing / self.grid.resolution), 1)
-        return PoseBoxes(self.grid, cells, self.headings)
+        while True:
+            boxes = PoseBoxes(self.grid, cells, self.headings)
+            too_many = boxes.count_free_squares() / self._most_places
+            if too_many <= 1.0:
+                return boxes
+            cells = math.ceil(cells * max(math.sqrt(too_many), 1.01))
+
+    @property
+    def _most_places(self) -> int:
+        """Whose features fit into `memory`."""
+        return int(self.memory / (4e-6 * self.headings * self.sectors))
 
     def _nearest(self, z: Scan) -> Keys:
         """The boxes of the simulated scans that are most like z."""

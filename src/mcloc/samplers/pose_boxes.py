@@ -15,6 +15,7 @@ Keys = NDArray[np.int64]
 """Shape (n,): which box of a level each is; −1 for none."""
 
 PARTS = 8  # of a box, at the next level
+_AT_ONCE = 1 << 14  # squares
 _HALVES = np.indices((2, 2, 2)).reshape(3, 1, PARTS)
 
 
@@ -36,18 +37,33 @@ class PoseBoxes:
         each that is nearest to the square's middle, (3, n) in the map frame, heading along the
         map's own x axis.
         """
-        _, rows, columns = self._shape(0)
-        height, width = self.grid.cells.shape
-        beyond = (0, rows * self.cells - height), (0, columns * self.cells - width)
-        blocks = np.pad(self.grid.free, beyond).reshape(rows, self.cells, columns, self.cells)
-        free = blocks.swapaxes(1, 2).reshape(rows * columns, self.cells**2)
-        squares = np.flatnonzero(free.any(axis=1))
+        blocks = self._blocks()
+        columns = blocks.shape[2]
+        squares = np.flatnonzero(blocks.any(axis=(1, 3)))
         off = (np.arange(self.cells) - 0.5 * (self.cells - 1)) ** 2
-        chosen = np.where(free[squares], np.add.outer(off, off).ravel(), np.inf).argmin(axis=1)
+        far = np.add.outer(off, off)
+        chosen = np.empty(len(squares), dtype=np.intp)
+        for at in range(0, len(squares), _AT_ONCE):
+            some = squares[at : at + _AT_ONCE]
+            free = blocks[some // columns, :, some % columns]
+            chosen[at : at + _AT_ONCE] = (
+                np.where(free, far, np.inf).reshape(len(some), -1).argmin(axis=1)
+            )
         corner = self.cells * np.stack(np.divmod(squares, columns))
         row, column = corner + np.stack(np.divmod(chosen, self.cells)) + 0.5
         local = self.grid.resolution * np.stack([column, row, np.zeros(len(squares))], axis=-1)
         return squares, np.ascontiguousarray(compose(self.grid.origin, local).T)
+
+    def count_free_squares(self) -> int:
+        """How many squares of level 0 have a free cell."""
+        return int(np.count_nonzero(self._blocks().any(axis=(1, 3))))
+
+    def _blocks(self) -> NDArray[np.bool_]:
+        """(rows, cells, columns, cells): which cells are free, by square of level 0."""
+        _, rows, columns = self._shape(0)
+        height, width = self.grid.cells.shape
+        beyond = (0, rows * self.cells - height), (0, columns * self.cells - width)
+        return np.pad(self.grid.free, beyond).reshape(rows, self.cells, columns, self.cells)
 
     def sides(self, level: int) -> NDArray[np.float64]:
         """(3,): m, m, rad."""
