@@ -149,3 +149,33 @@ def test_a_robot_that_is_carried_off_is_found_within_metres(distances, name):
 
 def test_random_particles_take_longer(distances):
     assert np.median(distances["mixture"]) < np.median(distances["mcl"])
+
+
+def crowded(scan, share, rng):
+    """A scan of which a block of beams, anywhere, ends at people beside the robot."""
+    n = len(scan.ranges)
+    block = (rng.integers(n) + np.arange(round(share * n))) % n
+    ranges = scan.ranges.copy()
+    ranges[block] = rng.uniform(0.6, 1.0, len(block))
+    return replace(scan, ranges=ranges)
+
+
+def test_scans_that_stay_worse_become_usual():
+    """A crowd that hides two fifths of the laser from 8 m on does not make the filter search for
+    ever.
+    """
+    drive = office_drive(seed=2, length=40.0)
+    rng = np.random.default_rng(5)
+    localizer = Localizer(drive.grid, "mixture", seed=1, initial=drive.truth.poses[0])
+    begins = 0.2 * drive.events[-1].t
+    searching, errors = [], []
+    for event in drive.events:
+        later = hasattr(event, "ranges") and event.t > begins
+        for estimate in localizer.process(crowded(event, 0.4, rng) if later else event):
+            if estimate.updated:
+                searching.append(localizer.belief.searching)
+                truth = drive.truth.at(np.array([estimate.t]))[0]
+                errors.append(np.hypot(*(estimate.pose - truth)[:2]))
+    assert any(searching)
+    assert np.mean(searching[-len(searching) // 3 :]) < 0.5
+    assert max(errors) < 0.3
