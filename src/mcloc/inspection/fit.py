@@ -112,7 +112,7 @@ def _best(grid: OccupancyGrid, windows: Iterable[Window]) -> float:
 
 def _search(grid: OccupancyGrid, window: Window) -> float:
     """The mean share of returns at walls in the second half of a window."""
-    filter = Composition(settings={"size": {"maximum": PARTICLES}})
+    filter = Composition("mcl", settings={"size": {"maximum": PARTICLES}})
     localizer = Localizer(grid, filter, seed=SEED)
     shares = [e.update.explained for e in localizer.run(window) if e.updated]
     late = np.array(shares[len(shares) // 2 :])
