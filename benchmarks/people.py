@@ -65,7 +65,7 @@ class Job:
         scenario = Scenario(length=LENGTH, people=self.number, visitors=VISITORS)
         drive = simulate(office_world(self.seed), self.seed, scenario)
         start = drive.truth.at(np.zeros(1))[0]
-        composition = Composition(sensor=self.sensor, people=self.people)
+        composition = Composition("mcl", sensor=self.sensor, people=self.people)
         localizer = Localizer(drive.grid, composition, seed=self.seed, initial=start)
         watched = Watched(localizer.filter.people, drive)
         localizer.filter = replace(localizer.filter, people=watched)

@@ -57,7 +57,7 @@ the numbers of samples are ours.
   these which find the robot. A first look at one run showed the same with 0.001, 0.01 and 0.05.
 - *mcloc's mixture* is its default, with doubt in the wheels and all: it draws from the scan only
   while its recovery says that it may be lost. *sensor resetting* [Lenser, Veloso 2000] asks the
-  same recovery, and adds its poses to the samples for one step.
+  same recovery, and puts its poses in the place of samples.
 - All methods have the same number of samples in total, fixed. Poses from the scan come from
   mcloc's feature tree, which takes the paper's mixture some 10 ms at each step; the times in the
   table are for comparison with each other only, since other work shared the two cores. Sensor and

@@ -27,12 +27,11 @@ class Relocating:
     particles, all of them while nothing is known. Their weights are exact, whatever q̄ is like: an
     alias is believed no more than it deserves, and no density of what was believed is needed.
 
-    That the recovery has its doubts is not known better than that: a robot that seems lost was
-    carried off with probability `carried_off`, at most the α that recovery asks for, and mostly
-    somebody stands around it. The scans decide, not one of them but several. Meanwhile the set has
-    `particles`, whatever its size asks for, and `keeping` keeps places that are unlikely for now. A
-    robot that is localized pays for none of this, unless recovery asks for random particles all the
-    time: then this does what MCL does, to the last bit.
+    Most robots that seem lost are not: people stand around them. So the α of a step is that which
+    recovery asks for, but `carried_off` at most. The scans decide, not one of them but several.
+    Meanwhile the set has `particles`, whatever its size asks for, and `keeping` keeps places that
+    are unlikely for now. Of a robot that is localized this draws what MCL does, to the last bit,
+    unless recovery asks for random particles all the time.
     """
 
     sampler: PoseSampler
