@@ -259,3 +259,24 @@ def test_no_number_of_threads_changes_a_bit(monkeypatch):
     for total, rows in found[1:]:
         assert np.array_equal(total, found[0][0])
         assert np.array_equal(rows[1], found[0][1][1])
+
+
+@pytest.mark.parametrize(("degrees", "aside"), [(20.0, 1), (24.0, 1), (40.0, 2), (180.0, 9)])
+@pytest.mark.parametrize("origin", ORIGINS, ids=str)
+def test_a_cone_has_the_least_range_of_the_directions_in_it(origin, degrees, aside):
+    """Directions 10° apart; the unknown ones count only where there are no others."""
+    grid, mount = a_map(origin), np.zeros(3)
+    table = RangeTable(RayCaster(grid), ANGLES, SPACING, 1000.0, np.radians(degrees))
+    angles, x = STEP * np.arange(-20, 21, 5), from_middles(grid, mount, np.arange(-72, 73))
+    fan = STEP * np.arange(-aside, aside + 1)
+    rays = [table.caster.ranges(x, mount, angles + off, FAR) for off in fan]
+    exactly = np.fmin.reduce(rays)
+    assert_near(looked_up(table, x, mount, angles), exactly)
+    assert (np.isnan(rays).any(axis=0) & (exactly > 0.0)).sum() > 100
+    assert np.isnan(exactly).sum() > 100
+
+
+def test_a_cone_that_holds_one_direction_is_a_ray():
+    grid = a_map()
+    narrow = RangeTable(RayCaster(grid), ANGLES, SPACING, 1000.0, 0.9 * STEP)
+    assert np.array_equal(narrow.rows[1], table_of(grid).rows[1])

@@ -12,6 +12,7 @@ from mcloc.kernels.cones import PASSABLE, SOLID
 from mcloc.kernels.field import FOUR
 from mcloc.kernels.jit import share
 from mcloc.kernels.range_table import NOT_KNOWN, fill_rows, sum_over_table
+from mcloc.maps.cone_caster import nearest_around
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.statespace import States
 
@@ -30,12 +31,16 @@ class RangeTable:
     `spacing`, m. Where walls lie across the ray, all that is an error of up to 0.7 cells + 0.5
     spacings; past an edge, or along a wall, of anything. 2 bytes a passable cell and direction, and
     4 a cell. Raises MapError where that is more than `memory`, MB.
+
+    cone: radians, the opening angle of a beam, which has the range of the nearest wall in it; its
+    edges are held to the nearest directions. See `ConeCaster` for where it leaves known space.
     """
 
     caster: RayCaster
     angles: int
     spacing: float
     memory: float
+    cone: float = 0.0
 
     def __post_init__(self) -> None:
         self.rows  # noqa: B018 - ready before threads ask for it
@@ -125,10 +130,13 @@ class RangeTable:
         rows[self.angles : _ROWS * self.angles] = 1
         directions = np.linspace(0.0, 2.0 * np.pi, self.angles, endpoint=False)
         steps_per_cell = grid.resolution / self.spacing
+        aside = round(self.cone / 2.0 * self.angles / (2.0 * np.pi))
         together = max(_AT_ONCE // self.angles, 1)
         for first in range(0, len(cells), together):
             some = cells[first : first + together]
             lengths = self.caster.from_cells(some, directions)
+            if aside > 0:
+                lengths = nearest_around(lengths.reshape(-1, self.angles), aside).ravel()
             at = (_ROWS + first) * self.angles
             fill_rows(lengths, steps_per_cell, rows[at : at + len(lengths)])
         return row_of, rows

@@ -12,9 +12,11 @@ from scipy.special import ndtr
 Array = NDArray[np.float64]
 
 
-def hit(z: Array, e: Array, range_max: float, sigma: float) -> Array:
+def hit(z: Array, e: Array, range_max: float, sigma: float | Array) -> Array:
     """The expected wall, with Gaussian noise: N(z; e, σ²) of what is > 0; what is above range_max
     gives no return  [Probabilistic Robotics, Eq. 6.4, which has no such readings].
+
+    sigma: one deviation, or one for each e.
     """
     within = np.exp(-0.5 * ((z - e) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
     density: Array = np.where(z < range_max, within, ndtr((e - range_max) / sigma)) / ndtr(

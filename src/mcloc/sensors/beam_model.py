@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcloc.errors import MapError
 from mcloc.events import Scan
+from mcloc.maps.cone_caster import ConeCaster
 from mcloc.maps.range_table import RangeTable
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.registry import param
@@ -27,7 +28,7 @@ LEAST = 1e-300  # density; below, logarithms would be −∞ at one knot and int
 
 @dataclass(frozen=True)
 class BeamModel(ScanModel, ABC):
-    """Beam model of a laser: expected ranges by exact ray casting, and a mixture around them.
+    """Beam model of a range finder: expected ranges by exact ray casting, a mixture around them.
 
     Readings from range_min to below range_max are returns; inf or anything from range_max on is
     "nothing within reach", which is information. NaN, −inf and what is ≤ 0 or below range_min are
@@ -37,11 +38,16 @@ class BeamModel(ScanModel, ABC):
     count as the blurred face of the wall. Where range_max is inf, or more than any laser has, the
     reach is the map's diagonal.
 
+    The beam of a sonar is a cone, in which it measures the nearest wall: with `cone` a fan of rays
+    is cast for each beam (maps/cone_caster), which takes as many times longer; looked up, it takes
+    no longer. Noise may grow with the expected range e: the deviation of returns is then
+    √(σ_hit² + (sigma_relative · e)²).
+
     A beam's p is relative to that of the expected range which explains the reading best, so log
     p ≤ 0 and a perfect scan has 0; this factor does not depend on x. Of each scan a table of log p
     over the expected range is made, with knots σ_hit / 4 apart and straight lines between: the
-    error per beam, before tempering, is below 0.03, except within one knot of where the density
-    itself jumps.
+    error per beam, before tempering, is below 0.03 (0.04 where sigma_relative is above 0.1), except
+    within one knot of where the density itself jumps.
 
     With ranges = table, expected ranges are looked up instead of cast, some 25 times as fast: those
     from the middle of each cell, in table_angles directions. What that errs by, and the memory that
@@ -51,6 +57,16 @@ class BeamModel(ScanModel, ABC):
 
     sigma_hit: float = param(
         0.2, "m", "deviation of returns from the expected range", low=1e-3, high=5
+    )
+    sigma_relative: float = param(
+        0.0, "m/m", "deviation that grows with the expected range", low=0, high=0.3
+    )
+    cone: float = param(
+        0.0,
+        "rad",
+        "opening angle of a beam, which measures the nearest wall in it; 0: a ray",
+        low=0,
+        high=np.pi,
     )
     p_max_unknown: float = param(
         0.5, "", "chance of no return where a beam leaves known space", above=0, high=0.999
@@ -107,22 +123,31 @@ class BeamModel(ScanModel, ABC):
             total = self.range_table.sum(x, z.mount, angles, log_p, which)
         else:
             table = self._log_table_of(readings, reach)
-            total = self.rays.sum(x, z.mount, angles, reach, table, self.spacing)
+            total = self.caster.sum(x, z.mount, angles, reach, table, self.spacing)
         return total * self.tempering(z)
 
     def explained(self, x: States, z: Scan) -> NDArray[np.float64]:
-        """(n,): the share of returns within 3 σ_hit of the expected range; NaN for a scan without
-        returns.
+        """(n,): the share of returns within 3 deviations of the expected range; NaN for a scan
+        without returns.
         """
         beams = self.used_beams(z)
         beams = beams[z.returned[beams]]
         if len(beams) == 0:
             return np.full(x.shape[1], np.nan)
-        expected = self.rays.ranges(x, z.mount, z.angles[beams], z.range_max)
+        expected = self.caster.ranges(x, z.mount, z.angles[beams], z.range_max)
         near: NDArray[np.float64] = np.mean(
-            np.abs(expected - z.ranges[beams]) <= 3.0 * self.sigma_hit, axis=1
+            np.abs(expected - z.ranges[beams])
+            <= 3.0 * self.deviation(expected, self.reach(z.range_max)),
+            axis=1,
         )
         return near
+
+    def deviation(self, e: NDArray[np.float64], range_max: float) -> NDArray[np.float64]:
+        """Of returns from a wall at e, metres; from range_max on it does not grow."""
+        sigma: NDArray[np.float64] = np.hypot(
+            self.sigma_hit, self.sigma_relative * np.minimum(e, range_max)
+        )
+        return sigma
 
     @property
     def spacing(self) -> float:
@@ -133,8 +158,13 @@ class BeamModel(ScanModel, ABC):
         return RayCaster(self.grid, self.sigma_hit)
 
     @cached_property
+    def caster(self) -> RayCaster | ConeCaster:
+        """Of the expected ranges."""
+        return ConeCaster(self.rays, self.cone) if self.cone > 0.0 else self.rays
+
+    @cached_property
     def range_table(self) -> RangeTable:
-        return RangeTable(self.rays, self.table_angles, self.spacing, self.table_memory)
+        return RangeTable(self.rays, self.table_angles, self.spacing, self.table_memory, self.cone)
 
     def _log_table_of(self, readings: NDArray[np.float64], reach: float) -> NDArray[np.float32]:
         """`log_table`, made once for all the threads and blocks that a scan is weighed by."""

@@ -31,7 +31,7 @@ class FourPartBeams(BeamModel):
     ) -> NDArray[np.float64]:
         before = short(z, np.maximum(e, self.sigma_hit), range_max, self.lambda_short)
         total = (
-            self.z_hit * hit(z, e, range_max, self.sigma_hit)
+            self.z_hit * hit(z, e, range_max, self.deviation(e, range_max))
             + self.z_short * before
             + self.z_max * no_return(z, range_max)
             + self.z_rand * uniform(z, range_max)
@@ -58,7 +58,7 @@ class Fox01Beams(BeamModel):
         self, z: NDArray[np.float64], e: NDArray[np.float64], range_max: float
     ) -> NDArray[np.float64]:
         total = (
-            self.z_hit * hit(z, e, range_max, self.sigma_hit)
+            self.z_hit * hit(z, e, range_max, self.deviation(e, range_max))
             + self.z_max * no_return(z, range_max)
             + self.z_rand * exponential(z, range_max, self.lambda_rand)
         )
@@ -85,7 +85,7 @@ class YeeBeams(BeamModel):
         self, z: NDArray[np.float64], e: NDArray[np.float64], range_max: float
     ) -> NDArray[np.float64]:
         total = (
-            self.z_hit * hit(z, e, range_max, self.sigma_hit)
+            self.z_hit * hit(z, e, range_max, self.deviation(e, range_max))
             + self.z_miss * miss(z, e, range_max, self.lambda_miss)
             + self.z_rand * uniform(z, range_max)
         )
