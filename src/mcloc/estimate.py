@@ -20,6 +20,7 @@ BIN_ANGLE = float(np.deg2rad(15.0))  # a whole number of them makes a circle
 VALLEY = (
     0.5  # two hills are two hypotheses if the density between them falls below half of the lower
 )
+ONE_PLACE = 1.0  # m around the mean
 LEAST_SHARE = 0.01  # smaller ones are counted with no hypothesis, unless there is no other
 
 
@@ -63,6 +64,14 @@ def cluster(particles: Particles, space: StateSpace) -> NDArray[np.intp]:
     of_bin = np.empty(len(hill_of), dtype=np.intp)
     of_bin[histogram.order] = hill_of
     return of_bin[histogram.labels]
+
+
+def away(particles: Particles, space: StateSpace) -> float:
+    """How much of a belief lies farther than ONE_PLACE from its mean, along the straight axes."""
+    straight = particles.states[~np.array(space.circular)]
+    apart = straight - (straight @ particles.weights)[:, None]
+    far = (apart * apart).sum(axis=0) > ONE_PLACE**2
+    return float(particles.weights[far].sum())
 
 
 class _Histogram:

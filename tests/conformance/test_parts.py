@@ -10,7 +10,8 @@ from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Scan
 from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
-from mcloc.filters.particle_filter import Belief, StepInfo
+from mcloc.filters.filter import StepInfo
+from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.filters.recovery import Evidence
 from mcloc.geometry import compose
 from mcloc.localizer import Update
@@ -349,7 +350,7 @@ def test_a_pace_asks_for_more_time_the_more_there_is_to_do(name):
     assert isinstance(pace.clocked, bool)
 
     def seconds(n, beams, duration):
-        info = StepInfo(n, 1.0, 0.0, 0.0, 0.0, Evidence(), (n,), 0.0)
+        info = StepInfo(n, 1.0, 0.0, Evidence(), n, sizes=(n,))
         particles = Particles.equal(np.zeros((3, 2)))
         return pace.seconds(Update(1, info, particles, (), 1.0, duration), beams)
 
@@ -405,7 +406,7 @@ def test_a_filter_steps_with_every_sensor_and_filter_for_people(name, people, z)
     built = Composition(sensor=name, people=people, size="fixed").build(grid())
     start = built.environment.sample(Draws(1), 0, 300)
     start[:] = start[:, :1]
-    bel = Belief(Particles.equal(start))
+    bel = ParticleBelief(Particles.equal(start))
     new, info = built.step(bel, MOVES[0], z, Draws(1, 1))
     again, _ = built.step(bel, MOVES[0], z, Draws(1, 1))
     assert np.array_equal(new.particles.log_weights, again.particles.log_weights)

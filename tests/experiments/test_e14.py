@@ -11,7 +11,7 @@ from mcloc.experiments import e14_adaptive_sizes as e14
 from mcloc.experiments.places import drive
 from mcloc.experiments.study import Verdict
 from mcloc.experiments.table import Row, Table
-from mcloc.filters.particle_filter import Belief
+from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.geometry import between
 from mcloc.localizer import Localizer
 from mcloc.particles import Particles
@@ -113,7 +113,7 @@ class Recorder:
     """What Teleports needs of a localizer."""
 
     def __init__(self) -> None:
-        self.belief, self.update = Belief(Particles.equal(np.zeros((3, 1)))), None
+        self.belief, self.update = ParticleBelief(Particles.equal(np.zeros((3, 1)))), None
 
 
 def test_teleports_are_of_2_metres_and_about_half_a_turn_at_the_rate_of_the_paper() -> None:

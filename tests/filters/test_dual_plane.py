@@ -13,7 +13,7 @@ from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.environment import FreeSpace
 from mcloc.errors import ConfigError
-from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
+from mcloc.filters.particle_filter import Part, ParticleBelief, ParticleFilter
 from mcloc.filters.recovery import RandomParticles
 from mcloc.geometry import compose, wrap
 from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
@@ -163,7 +163,7 @@ def test_chunks_make_no_difference(way):
 @every_way
 def test_threads_make_no_difference(set_threads, way):
     """With more particles than a thread takes at a time."""
-    before = Belief(Particles.equal(BELIEVED.sample(Draws(1), 0, 2000)))
+    before = ParticleBelief(Particles.equal(BELIEVED.sample(Draws(1), 0, 2000)))
     parts = (Part(1.0, Dual(Sampler(), way), Fixed(70_000)),)
     robot = ParticleFilter(OdometryMotion(), Eye(), ROOM, parts, RandomParticles(share=0.1))
     found = []

@@ -14,7 +14,7 @@ import pytest
 from mcloc.density_tree import DensityTree
 from mcloc.draws import Draws, Stream
 from mcloc.errors import FilterError
-from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
+from mcloc.filters.particle_filter import Part, ParticleBelief, ParticleFilter
 from mcloc.particles import Particles
 from mcloc.proposals.dual import Dual
 from mcloc.proposals.forward import Forward
@@ -286,7 +286,7 @@ WAYS = {name: DUALS[name].way for name in ("pairs", "forward tree", "backward tr
 def test_poses_that_nobody_believed_in_leave_it_to_the_others(way, groups):
     """No pair fits and no tree reaches there: every weight of the part is 0, and none is NaN."""
     impossible = Dual(Only(10), way)
-    before = Belief(Particles.equal(np.full((1, 500), 2.0)))
+    before = ParticleBelief(Particles.equal(np.full((1, 500), 2.0)))
     forward = Part(0.8, Forward(Systematic()), Fixed(300), groups[0])
     found = []
     for parts in ([forward], [forward, Part(0.2, impossible, Fixed(200), groups[1])]):
@@ -317,7 +317,7 @@ def test_a_sampler_that_misses_the_place_keeps_its_share_in_a_group_of_its_own_o
             Part(phi, Dual(Only(10), Pairs()), Fixed(1000), groups[1]),
         ]
         tiles = tile_filter(parts, dynamics)
-        before = Belief(Particles.equal(np.full((1, 500), 2.0)))
+        before = ParticleBelief(Particles.equal(np.full((1, 500), 2.0)))
         after, _ = tiles.step(before, 1, True, Draws(5, 1))
         found[groups] = histogram(after.particles)[10]
     together = (phi * missed + (1.0 - phi) * missed) / (phi * missed + (1.0 - phi) * evidence)

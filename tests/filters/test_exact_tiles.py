@@ -12,7 +12,7 @@ import pytest
 
 from mcloc.draws import Draws, Stream
 from mcloc.errors import FilterError
-from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
+from mcloc.filters.particle_filter import Part, ParticleBelief, ParticleFilter
 from mcloc.filters.recovery import NoRandomParticles, RandomParticles
 from mcloc.particles import Particles
 from mcloc.proposals.forward import Forward
@@ -220,7 +220,7 @@ class OneTile:
 
 def one_step(parts):
     tiles = tile_filter(parts)
-    bel = Belief(Particles.equal(np.zeros((1, 10))))
+    bel = ParticleBelief(Particles.equal(np.zeros((1, 10))))
     return histogram(tiles.step(bel, 0, True, Draws(1, 1))[0].particles)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from mcloc.density_tree import DensityTree
 from mcloc.draws import Draws, Stream
-from mcloc.filters.particle_filter import Belief, Part, ParticleFilter
+from mcloc.filters.particle_filter import Part, ParticleBelief, ParticleFilter
 from mcloc.filters.recovery import RandomParticles
 from mcloc.particles import Particles
 from mcloc.proposals.forward import Forward
@@ -224,7 +224,7 @@ def test_a_filter_that_does_not_search_does_what_mcl_does(proposal, tolerance):
 def test_an_alias_is_believed_no_more_than_it_deserves(proposal, tolerance):
     """A known place, scans that also fit 7 m to the left: what q̄ proposes there has weight α U."""
     robot = line(proposal(2000), 2000)
-    bel = Belief(Particles.equal(0.1 * np.random.default_rng(0).standard_normal((1, 2000))))
+    bel = ParticleBelief(Particles.equal(0.1 * np.random.default_rng(0).standard_normal((1, 2000))))
     bel, _ = robot.step(bel, 0.0, 0.0, Draws(1, 1))
     step = GRID[1] - GRID[0]
     moved = bell(GRID, np.hypot(0.1, MOVED))

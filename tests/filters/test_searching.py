@@ -10,7 +10,7 @@ from mcloc.evaluation.convergence import recoveries
 from mcloc.evaluation.errors import pose_errors
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import Belief
+from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.filters.recovery import Evidence
 from mcloc.localizer import Localizer
 from mcloc.localizer.given_pose import given_pose
@@ -40,7 +40,7 @@ def tracked(drive, name="mixture", **composition):
     noise = np.random.default_rng(0).standard_normal((3, 2000))
     states = start[:, None] + np.array([[0.1], [0.1], [0.05]]) * noise
     source = robot.sensor.source(next(e for e in drive.events if hasattr(e, "ranges")))
-    return robot, Belief(Particles.equal(states), {source: USUAL}), source
+    return robot, ParticleBelief(Particles.equal(states), {source: USUAL}), source
 
 
 def test_a_robot_that_is_localized_is_not_searched_for(drive, scans):

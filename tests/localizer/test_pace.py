@@ -5,7 +5,7 @@ import pytest
 from tests.localizer.test_runtime import FRONT, SURE, two_lasers
 
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import StepInfo
+from mcloc.filters.filter import StepInfo
 from mcloc.filters.recovery import Evidence
 from mcloc.geometry import between, compose
 from mcloc.localizer import Localizer, Measured, Modelled, Offline, Update, UpdatePolicy
@@ -52,7 +52,7 @@ def bytes_of(estimates):
 
 
 def update(sizes=(1000,), duration=0.03):
-    info = StepInfo(sizes[-1], 1.0, 0.0, 0.0, 0.0, Evidence(), sizes, 0.0)
+    info = StepInfo(sizes[-1], 1.0, 0.0, Evidence(), sum(sizes), sizes=sizes)
     return Update(1, info, Particles.equal(np.zeros((3, 2))), (), 1.0, duration)
 
 

@@ -123,7 +123,7 @@ def test_another_map_is_refused(world, tmp_path):
 
 def test_another_version_is_refused(world, tmp_path):
     write_state(tmp_path / "s.npz", {"version": 99}, {})
-    with pytest.raises(StateError, match="version 99, but this mcloc reads version 3"):
+    with pytest.raises(StateError, match=f"version 99, but this mcloc reads version {VERSION}"):
         restore(tmp_path / "s.npz", world.grid)
 
 
@@ -145,7 +145,7 @@ def test_a_pickle_in_it_is_not_executed(world, tmp_path):
         restore(tmp_path / "s.npz", world.grid)
 
 
-@pytest.mark.parametrize("missing", ["states", "odometry"])
+@pytest.mark.parametrize("missing", ["belief.states", "odometry"])
 def test_a_state_without_a_part(world, tmp_path, missing):
     values, arrays = packed(world.localizer())
     del arrays[missing]

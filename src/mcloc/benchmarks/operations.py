@@ -14,7 +14,7 @@ from mcloc.density_tree import DensityTree, leaf_size
 from mcloc.draws import Draws
 from mcloc.estimate import hypotheses
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import Belief, ParticleFilter
+from mcloc.filters.particle_filter import ParticleBelief, ParticleFilter
 from mcloc.kernels.distance import squared_distance
 from mcloc.maps.cell_table import CellTable
 from mcloc.motion.odometry import OdometryMotion
@@ -130,7 +130,7 @@ def estimate(case: Case) -> Work:
 
 def step_fixed(case: Case) -> Work:
     mcl = _mcl(case, size="fixed", settings={"size": {"particles": case.n}})
-    bel, z = Belief(_weighed(case)), case.scene.scan(case.beams)
+    bel, z = ParticleBelief(_weighed(case)), case.scene.scan(case.beams)
     model, rng = _model(mcl, case), np.random.default_rng(SEED)
     weights = bel.particles.weights
     return Work(
@@ -142,7 +142,7 @@ def step_fixed(case: Case) -> Work:
 
 def step_adaptive(case: Case) -> Work:
     mcl = _mcl(case, size="kld", settings={})
-    bel, z, rule = Belief(_weighed(case)), case.scene.scan(case.beams), mcl.parts[0].size
+    bel, z, rule = ParticleBelief(_weighed(case)), case.scene.scan(case.beams), mcl.parts[0].size
     assert isinstance(rule, KLD)
     model, rng = _model(mcl, case), np.random.default_rng(SEED)
     weights, bounds = bel.particles.weights, (rule.epsilon, rule.delta)
@@ -191,10 +191,13 @@ def _weighed(case: Case) -> Particles:
 
 def _mcl(case: Case, **chosen: Any) -> ParticleFilter:
     settings = {**chosen.pop("settings"), "sensor": {"max_beams": case.beams}}
-    return Composition("mcl", recovery="none", settings=settings, **chosen).build(case.scene.grid)
+    composition = Composition("mcl", recovery="none", settings=settings, **chosen)
+    mcl = composition.build(case.scene.grid)
+    assert isinstance(mcl, ParticleFilter)
+    return mcl
 
 
-def _stepped(mcl: ParticleFilter, bel: Belief, z: Any) -> Any:
+def _stepped(mcl: ParticleFilter, bel: ParticleBelief, z: Any) -> Any:
     after, info = mcl.step(bel, MOVE, z, DRAWS)
     return hypotheses(after.particles, mcl.space), info.ess, info.evidence
 

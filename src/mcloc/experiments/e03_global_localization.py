@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.estimate import Hypothesis, hypotheses
+from mcloc.estimate import Hypothesis
 from mcloc.evaluation.intervals import Interval, proportion
 from mcloc.experiments.driving import EVERY_SCAN
 from mcloc.experiments.look import Look
@@ -110,7 +110,7 @@ def looks(driven: Drive, first: int, setting: Setting, seed: int) -> Iterator[Se
         policy=EVERY_SCAN if setting["scans"] == "all" else UpdatePolicy(),
     )
     particles, truth = localizer.belief.particles, driven.truth
-    yield particles, hypotheses(particles, localizer.filter.space), truth.poses[first]
+    yield particles, localizer.filter.hypotheses(localizer.belief), truth.poses[first]
     path, k = travelled(driven), 1
     start = truth.t[first] - 1e-3  # stamps of logs and references differ in their last digits
     events = (event for event in driven.events if event.t >= start)

@@ -14,6 +14,7 @@ from mcloc.experiments.places import Drive, drive, files, missing
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
 from mcloc.experiments.table import Record, Setting, Table, Value
 from mcloc.filters.catalog import Composition
+from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.geometry import Pose, compose
 from mcloc.localizer import Localizer
 from mcloc.localizer.estimate import carried
@@ -131,9 +132,11 @@ def _displacement(rng: np.random.Generator) -> Pose:
 
 def displace(localizer: Localizer, move: Pose) -> None:
     """Move what a localizer believes: each sample, and each hypothesis, in its own frame."""
-    particles, update = localizer.belief.particles, localizer.update
+    belief, update = localizer.belief, localizer.update
+    assert isinstance(belief, ParticleBelief)
+    particles = belief.particles
     states = np.ascontiguousarray(compose(particles.states.T, move).T)
-    localizer.belief = replace(localizer.belief, particles=Particles(states, particles.log_weights))
+    localizer.belief = replace(belief, particles=Particles(states, particles.log_weights))
     if update is not None:  # or scans that are lost would go by what was believed before
         moved = tuple(carried(h, move) for h in update.hypotheses)
         localizer.update = replace(update, hypotheses=moved)

@@ -4,15 +4,17 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from mcloc.draws import Draws
+from mcloc.estimate import Hypothesis, away, hypotheses
 from mcloc.filters.drawing import draw
+from mcloc.filters.filter import StepInfo
 from mcloc.filters.people import NoPeopleFilter
-from mcloc.filters.recovery import Evidence, NoRandomParticles, Recovery
+from mcloc.filters.recovery import LITTLE, Evidence, NoRandomParticles, Recovery
 from mcloc.particles import Particles, log_sum_exp, log_sums_exp
 from mcloc.proposals.target import Target
 from mcloc.protocols import (
@@ -28,9 +30,9 @@ from mcloc.protocols import (
 )
 from mcloc.resampling import Systematic
 from mcloc.statespace import SE2, StateSpace
+from mcloc.storage import Arrays
 
-ONE_PLACE = 1.0  # m around the mean
-LEAST, LITTLE = 1e-6, 0.002  # of the belief
+LEAST = 1e-6  # of the belief
 
 
 class Proposal(Protocol):
@@ -59,7 +61,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Belief:
+class ParticleBelief:
     """What a particle filter carries from step to step.
 
     evidence: by sensor; nothing is learned of what is usual while more than LITTLE of the belief
@@ -72,27 +74,6 @@ class Belief:
     evidence: Mapping[str, Evidence] = field(default_factory=dict)
     uniform: bool = False
     searching: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class StepInfo:
-    """What was learned on the way.
-
-    n: particles. ess: effective sample size after weighing. log_evidence: log of the mean weight of
-    the first part, an estimate of log p(z_t | d_{0…t−1}). alpha: the uniform share of the dynamics.
-    doubt: the share of moves for which the wheels were not believed. evidence: of the sensor that
-    was used, this measurement included. sizes: of all sample sets that were drawn, in order.
-    filtered: the share of the measurement's returns that were left out, for people or their like.
-    """
-
-    n: int
-    ess: float
-    log_evidence: float
-    alpha: float
-    doubt: float
-    evidence: Evidence
-    sizes: tuple[int, ...]
-    filtered: float
 
 
 @dataclass(frozen=True)
@@ -110,7 +91,7 @@ class ParticleFilter:
     people: PeopleFilter = field(default_factory=NoPeopleFilter)
     anywhere: SampleSize | None = None
 
-    def start(self, initial: Density, draws: Draws) -> Belief:
+    def start(self, initial: Density, draws: Draws) -> ParticleBelief:
         """Particles drawn from an initial density, as many as the first part's size asks for;
         `anywhere`, if given, says how many where that density is the environment.
         """
@@ -123,9 +104,11 @@ class ParticleFilter:
         size = self.anywhere if uniform and self.anywhere is not None else self.parts[0].size
         counter = size.counter(self.space, draws.step, 0)
         particles = Particles.equal(draw(source, counter, size.fixed, None).states)
-        return Belief(particles, uniform=uniform, searching=uniform)
+        return ParticleBelief(particles, uniform=uniform, searching=uniform)
 
-    def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
+    def step(
+        self, bel: ParticleBelief, u: Any, z: Any, draws: Draws
+    ) -> tuple[ParticleBelief, StepInfo]:
         """The belief after moving by u and measuring z. Raises FilterError where every weight is 0.
 
         A scan that is explained much worse than usual makes the step be drawn once more, with doubt
@@ -156,30 +139,44 @@ class ParticleFilter:
                 np.concatenate([d.log_weights + s for d, s in zip(drawn, shifts, strict=True)]),
             )
         readings = self.sensor.readings(z)
-        away = self._away(particles) if searching else 0.0
-        evidence = evidence.updated(likelihood, readings, self.recovery.rates, away <= LITTLE)
-        searching = away > LEAST
+        elsewhere = away(particles, self.space) if searching else 0.0
+        evidence = evidence.updated(likelihood, readings, self.recovery.rates, elsewhere <= LITTLE)
+        searching = elsewhere > LEAST
         info = StepInfo(
-            len(particles),
-            particles.ess,
-            estimates[0],
-            alpha,
-            doubt,
-            evidence,
-            tuple(sizes),
-            filtered,
+            n=len(particles),
+            ess=particles.ess,
+            log_evidence=estimates[0],
+            evidence=evidence,
+            weighed=sum(sizes),
+            alpha=alpha,
+            doubt=doubt,
+            sizes=tuple(sizes),
+            filtered=filtered,
         )
         found = {**bel.evidence, source: evidence}
-        return Belief(particles, found, searching=searching), info
+        return ParticleBelief(particles, found, searching=searching), info
 
-    def _away(self, particles: Particles) -> float:
-        """How much of the belief lies farther than ONE_PLACE from its mean."""
-        straight = particles.states[~np.array(self.space.circular)]
-        apart = straight - (straight @ particles.weights)[:, None]
-        away = (apart * apart).sum(axis=0) > ONE_PLACE**2
-        return float(particles.weights[away].sum())
+    def hypotheses(self, bel: ParticleBelief) -> tuple[Hypothesis, ...]:
+        """The modes of the sample set, most likely first; at least one."""
+        return hypotheses(bel.particles, self.space)
 
-    def _predictive(self, bel: Belief, u: Any, draws: Draws) -> Predictive:
+    def adopted(self, bel: ParticleBelief) -> ParticleBelief:
+        """The same particles: they know no map."""
+        return replace(bel, evidence={})
+
+    def packed(self, bel: ParticleBelief) -> tuple[dict[str, Any], Arrays]:
+        """The belief but for its evidence, as what JSON knows and as arrays."""
+        arrays = {"states": bel.particles.states, "log_weights": bel.particles.log_weights}
+        return {"uniform": bel.uniform, "searching": bel.searching}, arrays
+
+    def unpacked(
+        self, values: dict[str, Any], arrays: Arrays, evidence: dict[str, Evidence]
+    ) -> ParticleBelief:
+        """The belief that `packed` describes."""
+        particles = Particles(arrays["states"], arrays["log_weights"])
+        return ParticleBelief(particles, evidence, values["uniform"], values["searching"])
+
+    def _predictive(self, bel: ParticleBelief, u: Any, draws: Draws) -> Predictive:
         """Particles for looking at a measurement beforehand, with random numbers of their own.
 
         Neither random particles nor doubted moves are among them: what is taken for people is
@@ -197,7 +194,7 @@ class ParticleFilter:
 
     def _draw(
         self,
-        bel: Belief,
+        bel: ParticleBelief,
         u: Any,
         z: Any,
         alpha: float,

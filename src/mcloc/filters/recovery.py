@@ -9,6 +9,8 @@ from typing import Protocol
 
 from mcloc.registry import Configurable, Registry, param
 
+LITTLE = 0.002  # of the belief; a filter with no more of it elsewhere is sure of the place
+
 
 @dataclass(frozen=True, slots=True)
 class Evidence:

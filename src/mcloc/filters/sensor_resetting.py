@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from mcloc.draws import Draws
-from mcloc.filters.particle_filter import Belief, ParticleFilter, StepInfo
+from mcloc.filters.filter import StepInfo
+from mcloc.filters.particle_filter import ParticleBelief, ParticleFilter
 from mcloc.filters.recovery import Augmented, Evidence, Recovery
 from mcloc.particles import Particles
 from mcloc.proposals.dual import LOOKING
@@ -31,7 +32,9 @@ class SensorResetting(ParticleFilter):
     sampler: PoseSampler
     resetting: Recovery = field(default_factory=Augmented)
 
-    def step(self, bel: Belief, u: Any, z: Any, draws: Draws) -> tuple[Belief, StepInfo]:
+    def step(
+        self, bel: ParticleBelief, u: Any, z: Any, draws: Draws
+    ) -> tuple[ParticleBelief, StepInfo]:
         """As of any particle filter."""
         after, info = super().step(bel, u, z, draws)
         alpha = self.resetting.alpha(info.evidence)

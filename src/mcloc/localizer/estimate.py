@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mcloc.estimate import Hypothesis
 from mcloc.events import Scan
-from mcloc.filters.particle_filter import StepInfo
+from mcloc.filters.filter import StepInfo
 from mcloc.geometry import Pose, compose, transported
 from mcloc.particles import Particles
 

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mcloc.density import FAR
 from mcloc.draws import Draws
-from mcloc.estimate import Hypothesis, hypotheses
+from mcloc.estimate import Hypothesis
 from mcloc.events import Event, Odometry, Scan
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import Belief
+from mcloc.filters.filter import Belief
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
 from mcloc.localizer.given_pose import covariance_of, given_pose
@@ -145,7 +145,7 @@ class Localizer:
         """
         self.filter = self.composition.build(grid)
         self.grid = grid
-        self.belief = replace(self.belief, evidence={})
+        self.belief = self.filter.adopted(self.belief)
 
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
@@ -154,7 +154,7 @@ class Localizer:
         self._used_at.clear()
 
     def _started(self, density: Density) -> Belief:
-        belief = self.filter.start(density, Draws(self.seed, self.step))
+        belief: Belief = self.filter.start(density, Draws(self.seed, self.step))
         self.step += 1
         return belief
 
@@ -184,8 +184,8 @@ class Localizer:
             at = scan.odometry if scan.odometry is not None else self._odometry.at(scan.t)
             if at is None:
                 self.ignored["scan without odometry"] += 1
-            else:
-                done.append(self._localize(scan, at))
+            elif (estimate := self._localize(scan, at)) is not None:
+                done.append(estimate)
         return done
 
     def _ready(self, scan: Scan) -> bool:
@@ -197,8 +197,10 @@ class Localizer:
             scan.t - LATENCY < t < scan.t for t in self._newest.values()
         )
 
-    def _localize(self, scan: Scan, at: Pose) -> Estimate:
-        """Update if due and free to, and carry the hypotheses along the odometry otherwise."""
+    def _localize(self, scan: Scan, at: Pose) -> Estimate | None:
+        """Update if due and free to, and carry the hypotheses along the odometry otherwise. None
+        while the filter withholds its estimate.
+        """
         self._done = scan.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(scan.source)
@@ -218,6 +220,9 @@ class Localizer:
             u = np.zeros(3)
         assert self.update is not None  # the first scan after a start is always used
         self.hypotheses = tuple(carried(h, u) for h in self.update.hypotheses)
+        if not self.hypotheses:
+            self.ignored["scan while the filter withheld its estimate"] += 1
+            return None
         return Estimate(scan, at, self.hypotheses, self.update, due)
 
     def _measure(self, scan: Scan, u: NDArray[np.float64]) -> Update:
@@ -227,9 +232,11 @@ class Localizer:
         for _ in range(2 if self.pace.clocked and not self._warm else 1):
             began = time.perf_counter()
             belief, info = self.filter.step(self.belief, u, scan, Draws(self.seed, self.step))
-            found = hypotheses(belief.particles, self.filter.space)
-            best = np.ascontiguousarray(found[0].mean[:, None])
-            explained = float(self.filter.sensor.explained(best, scan)[0])
+            found = self.filter.hypotheses(belief)
+            explained = float("nan")
+            if found:
+                best = np.ascontiguousarray(found[0].mean[:, None])
+                explained = float(self.filter.sensor.explained(best, scan)[0])
             took = time.perf_counter() - began
         self.belief, self._warm = belief, True
         self.step += 1

@@ -51,7 +51,7 @@ class Measured(Configurable):
 
 @dataclass(frozen=True)
 class Modelled(Configurable):
-    """An update takes particle_beam for each particle drawn and beam used, whatever it took here:
+    """An update takes particle_beam for each pose weighed and beam used, whatever it took here:
     one seed, one result.
 
     A step that is drawn twice costs twice; what a filter for people looks at is not counted. The
@@ -63,11 +63,11 @@ class Modelled(Configurable):
     clocked: ClassVar[bool] = False
 
     particle_beam: float = param(
-        3.3e-6, "s", "time for each particle drawn and beam used", above=0, high=1
+        3.3e-6, "s", "time for each pose weighed and beam used", above=0, high=1
     )
 
     def seconds(self, update: Update, beams: int) -> float:
-        return self.particle_beam * sum(update.info.sizes) * beams
+        return self.particle_beam * update.info.weighed * beams
 
 
 PACES: Registry[Pace] = Registry(

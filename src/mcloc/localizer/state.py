@@ -11,7 +11,7 @@ from mcloc.errors import ConfigError, StateError
 from mcloc.estimate import Hypothesis
 from mcloc.events import Odometry, Scan
 from mcloc.filters.catalog import Composition
-from mcloc.filters.particle_filter import Belief, StepInfo
+from mcloc.filters.filter import StepInfo
 from mcloc.filters.recovery import Evidence
 from mcloc.localizer.estimate import Update
 from mcloc.localizer.leap_guard import E, LeapGuard
@@ -23,7 +23,7 @@ from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 3
+VERSION = 4
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
@@ -47,9 +47,9 @@ def restore(path: str | Path, grid: OccupancyGrid) -> Localizer:
 def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
     """The state as what JSON knows, and as arrays."""
     belief, update = localizer.belief, localizer.update
+    packed, of_belief = localizer.filter.packed(belief)
     arrays: Arrays = {
-        "states": belief.particles.states,
-        "log_weights": belief.particles.log_weights,
+        **{f"belief.{name}": array for name, array in of_belief.items()},
         "odometry": _odometry_rows(localizer._odometry.events),
         "odometry_held": _odometry_rows(_held(localizer._odometry.guard.held)),
     }
@@ -62,8 +62,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "step": localizer.step,
         "ignored": dict(localizer.ignored),
         "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
-        "uniform": belief.uniform,
-        "searching": belief.searching,
+        "belief": packed,
         "odometry_guard": _guard(localizer._odometry.guard),
         "scan_guard": _guard(localizer._guard),
         "newest": {source: str(t) for source, t in localizer._newest.items()},
@@ -106,9 +105,13 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
         policy=UpdatePolicy(**values["policy"]),
         pace=PACES.make(values["pace"]["name"], **values["pace"]["settings"]),
     )
-    particles = Particles(arrays["states"], arrays["log_weights"])
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
-    localizer.belief = Belief(particles, evidence, values["uniform"], values["searching"])
+    of_belief = {
+        name.removeprefix("belief."): array
+        for name, array in arrays.items()
+        if name.startswith("belief.")
+    }
+    localizer.belief = localizer.filter.unpacked(values["belief"], of_belief, evidence)
     localizer.step = values["step"]
     localizer.ignored.update(Counter(values["ignored"]))
     odometry = localizer._odometry
@@ -131,7 +134,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     localizer._busy_until = float(values["busy_until"])
     localizer.hypotheses = _hypotheses(values["hypotheses"])
     if values["update"] is not None:
-        localizer.update = _update(values["update"], particles)
+        localizer.update = _update(values["update"], localizer.belief.particles)
     return localizer
 
 
