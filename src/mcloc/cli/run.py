@@ -77,7 +77,12 @@ def run(
         ),
     ] = None,
     filter: Annotated[
-        str | None, _Option(metavar="NAME", help="The filter; `mcloc models` lists all names.")
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="mixture (default), mcl, markov-grid, octree, grid-proposal, kalman, topological "
+            "and others; `mcloc models` lists all names.",
+        ),
     ] = None,
     motion: Annotated[str | None, _Option(metavar="NAME", help="The motion model.")] = None,
     sensor: Annotated[str | None, _Option(metavar="NAME", help="The sensor model.")] = None,
@@ -103,6 +108,14 @@ def run(
             metavar="NAME",
             help="systematic, stratified, residual, multinomial, or selective: only where the "
             "effective sample size is low.",
+        ),
+    ] = None,
+    sampler: Annotated[
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="How poses are found from a scan, for filters that look: feature-tree or "
+            "grid-match.",
         ),
     ] = None,
     people: Annotated[
@@ -247,6 +260,7 @@ def run(
         "size": size,
         "recovery": recovery,
         "resampler": resampler,
+        "sampler": sampler,
         "people": people,
         "pace": pace,
     }

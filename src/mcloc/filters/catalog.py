@@ -1,15 +1,22 @@
 """Filters by name: each a composition of the same parts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Protocol
+from typing import Any
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
+from mcloc.filters.filter import Filter
+from mcloc.filters.grid_proposal import GridProposal
+from mcloc.filters.kalman import Kalman
+from mcloc.filters.markov_grid import MarkovGrid
+from mcloc.filters.models import FilterKind, Models
+from mcloc.filters.octree import Octree
 from mcloc.filters.particle_filter import Part, ParticleFilter
 from mcloc.filters.people import PEOPLE
-from mcloc.filters.recovery import RECOVERIES, Recovery, WithoutRandomParticles
+from mcloc.filters.recovery import RECOVERIES, WithoutRandomParticles
 from mcloc.filters.sensor_resetting import SensorResetting
+from mcloc.filters.topological import Topological
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.dual import Dual
@@ -17,51 +24,12 @@ from mcloc.proposals.forward import Forward
 from mcloc.proposals.mixture import Mixture
 from mcloc.proposals.predictive import ForwardTree
 from mcloc.proposals.relocating import Relocating
-from mcloc.protocols import (
-    Environment,
-    MotionModel,
-    PeopleFilter,
-    PoseSampler,
-    SampleSize,
-    SensorModel,
-)
 from mcloc.registry import Configurable, Registry, Value, param, suggest
-from mcloc.resampling import RESAMPLERS, Resampler, known_before
+from mcloc.resampling import RESAMPLERS
 from mcloc.sample_size import SIZES, Fixed
 from mcloc.sample_size.split import Split
 from mcloc.samplers import SAMPLERS
 from mcloc.sensors import SENSORS
-
-
-@dataclass(frozen=True)
-class Models:
-    """What filters are composed of. sampler: makes the pose sampler, which not all of them need."""
-
-    motion: MotionModel
-    sensor: SensorModel
-    environment: Environment
-    size: SampleSize
-    resampler: Resampler
-    recovery: Recovery
-    people: PeopleFilter
-    sampler: Callable[[], PoseSampler]
-
-    def filter(self, *parts: Part) -> ParticleFilter:
-        """A particle filter of such parts. Raises ConfigError for a resampler that has to know
-        sizes which are found while drawing.
-        """
-        if self.resampler.needs_n:
-            for part in parts:
-                known_before(part.size.fixed)
-        models = self.motion, self.sensor, self.environment
-        return ParticleFilter(*models, parts, self.recovery, people=self.people)
-
-
-class FilterKind(Protocol):
-    """A way to compose a filter."""
-
-    def compose(self, models: Models) -> ParticleFilter:
-        """The filter made of these models. Raises ConfigError where they do not go together."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +123,11 @@ FILTERS: Registry[FilterKind] = Registry(
         "mixture-balanced": BalancedMixtureMCL,
         "mixture-grouped": GroupedMixtureMCL,
         "sensor-resetting": SensorResettingMCL,
+        "markov-grid": MarkovGrid,
+        "octree": Octree,
+        "grid-proposal": GridProposal,
+        "kalman": Kalman,
+        "topological": Topological,
     },
 )
 
@@ -183,10 +156,10 @@ class Composition:
     resampler: str = "systematic"
     recovery: str = "augmented"
     people: str = "none"
-    sampler: str = "feature-tree"
+    sampler: str = "grid-match"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
-    def build(self, grid: OccupancyGrid) -> ParticleFilter:
+    def build(self, grid: OccupancyGrid) -> Filter[Any]:
         """The filter on a map. Raises ConfigError for unknown names and values that cannot be
         right.
         """
@@ -197,6 +170,7 @@ class Composition:
         sensor, environment = self._part("sensor", grid), self._part("environment", grid)
         return composed.compose(
             Models(
+                grid=grid,
                 motion=self._part("motion"),
                 sensor=sensor,
                 environment=environment,

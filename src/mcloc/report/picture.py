@@ -10,13 +10,13 @@ from mcloc.errors import TruthError
 from mcloc.evaluation.accuracy import LOST_LIMITS
 from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.report.beliefs import draw_belief
 from mcloc.report.run import Run
 from mcloc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST_PARTICLES = 3000  # drawn
 MARGIN = 2.0  # m of map around what happened
 JUMP = 1.0  # m that a path moves more than the wheels do: it is not drawn as driven
 BELIEVED, TRUE, SPREAD, LOST = "#1f5fbf", "#3a9a4b", "0.6", "#c0392b"
@@ -76,7 +76,7 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
         zorder=4,
         label="hypotheses at the end",
     )
-    _draw_belief(axes, run)
+    draw_belief(axes, run.localizer.belief)
     _zoom(axes, np.concatenate(shown))
     axes.set(xlabel="x [m]", ylabel="y [m]", title=_title(run))
     axes.get_figure().legend(loc="outside lower left", ncols=5, frameon=False)  # type: ignore[union-attr]
@@ -95,27 +95,6 @@ def draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
     )
     image.set_transform(Affine2D().rotate(yaw).translate(x, y) + axes.transData)
     axes.set_facecolor(f"{UNKNOWN_SHADE}")
-
-
-def _draw_belief(axes: "Axes", run: Run) -> None:
-    """The particles after the last update, the heavier the brighter and larger."""
-    particles = run.localizer.belief.particles
-    every = -(-len(particles) // MOST_PARTICLES)
-    x, y = particles.states[:2, ::every]
-    relative = particles.weights[::every] / particles.weights.max()
-    order = np.argsort(relative, kind="stable")
-    axes.scatter(
-        x[order],
-        y[order],
-        c=relative[order],
-        s=3.0 + 9.0 * relative[order],
-        cmap="autumn",
-        vmin=0.0,
-        vmax=1.0,
-        linewidths=0.0,
-        zorder=5,
-        label="last particles (brighter: heavier)",
-    )
 
 
 def _zoom(axes: "Axes", shown: NDArray[np.float64]) -> None:

@@ -3,5 +3,8 @@
 from mcloc.protocols import PoseSampler
 from mcloc.registry import Registry
 from mcloc.samplers.feature_tree import FeatureTree
+from mcloc.samplers.grid_match import GridMatch
 
-SAMPLERS: Registry[PoseSampler] = Registry("sampler", {"feature-tree": FeatureTree})
+SAMPLERS: Registry[PoseSampler] = Registry(
+    "sampler", {"feature-tree": FeatureTree, "grid-match": GridMatch}
+)

@@ -54,13 +54,18 @@ class PoseBoxes:
         local = self.grid.resolution * np.stack([column, row, np.zeros(len(squares))], axis=-1)
         return squares, np.ascontiguousarray(compose(self.grid.origin, local).T)
 
+    def free_keys(self) -> Keys:
+        """The boxes of level 0 that have a free cell, sorted."""
+        squares = np.flatnonzero(self._blocks().any(axis=(1, 3)))
+        return (squares[:, None] * self.headings + np.arange(self.headings)).ravel()
+
     def count_free_squares(self) -> int:
         """How many squares of level 0 have a free cell."""
         return int(np.count_nonzero(self._blocks().any(axis=(1, 3))))
 
     def _blocks(self) -> NDArray[np.bool_]:
         """(rows, cells, columns, cells): which cells are free, by square of level 0."""
-        _, rows, columns = self._shape(0)
+        _, rows, columns = self.shape(0)
         height, width = self.grid.cells.shape
         beyond = (0, rows * self.cells - height), (0, columns * self.cells - width)
         return np.pad(self.grid.free, beyond).reshape(rows, self.cells, columns, self.cells)
@@ -72,7 +77,7 @@ class PoseBoxes:
 
     def around(self, x: States, level: int) -> Keys:
         """The box that each pose x (3, n) of the map frame lies in, −1 off the map."""
-        headings, rows, columns = self._shape(level)
+        headings, rows, columns = self.shape(level)
         at = self.grid.to_grid(x.T).T / self.sides(level)[:, None]
         at[2] += _before(level)
         column, row, heading = np.floor(at).astype(np.int64)
@@ -83,7 +88,7 @@ class PoseBoxes:
         """(3, n): a pose in each box, map frame; u (3, n), from 0 to 1, says where in it along x, y
         and θ of the map's own frame.
         """
-        at = self._indices(keys, level) + u
+        at = self.indices(keys, level) + u
         at[2] -= _before(level)
         return np.ascontiguousarray(
             compose(self.grid.origin, (at * self.sides(level)[:, None]).T).T
@@ -91,18 +96,25 @@ class PoseBoxes:
 
     def parts(self, keys: Keys, level: int) -> Keys:
         """(8 n,): the parts of each box, which are of the next level, sorted."""
-        headings, _, columns = self._shape(level + 1)
-        column, row, heading = 2 * self._indices(keys, level)[:, :, None] + _HALVES
+        headings, _, columns = self.shape(level + 1)
+        column, row, heading = 2 * self.indices(keys, level)[:, :, None] + _HALVES
         return np.sort((row * columns + column) * headings + heading, axis=None)
 
-    def _indices(self, keys: Keys, level: int) -> NDArray[np.int64]:
+    def parents(self, keys: Keys, level: int) -> Keys:
+        """(n,): the box of the level above that each box of a level > 0 is a part of."""
+        headings, _, columns = self.shape(level - 1)
+        column, row, heading = self.indices(keys, level) // 2
+        above: Keys = (row * columns + column) * headings + heading
+        return above
+
+    def indices(self, keys: Keys, level: int) -> NDArray[np.int64]:
         """(3, n): column, row and heading."""
-        headings, _, columns = self._shape(level)
+        headings, _, columns = self.shape(level)
         place, heading = np.divmod(keys, headings)
         row, column = np.divmod(place, columns)
         return np.stack([column, row, heading])
 
-    def _shape(self, level: int) -> tuple[int, int, int]:
+    def shape(self, level: int) -> tuple[int, int, int]:
         """How many headings, rows and columns."""
         height, width = self.grid.cells.shape
         rows, columns = -(-height // self.cells), -(-width // self.cells)

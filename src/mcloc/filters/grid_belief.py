@@ -1,0 +1,82 @@
+"""What grid-based Markov localization believes: a mass for each cell of a grid of poses."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcloc.filters.recovery import Evidence
+from mcloc.kernels.blur import SIDE, mark_active
+from mcloc.kernels.jit import share
+from mcloc.maps.pose_lattice import PoseLattice
+from mcloc.particles import Particles
+from mcloc.statespace import States
+
+Cells = NDArray[np.float32]
+
+AT_ONCE = 1 << 16  # cells
+
+
+@dataclass(frozen=True, eq=False)
+class GridBelief:
+    """cells: (K, H, W), the mass of each; in all 1. offsets: (K, 2) by how much the cells of each
+    slice of headings have moved along x and y, in cells; turn: by how much all slices have turned,
+    rad. least: the mass from which on a cell is active.
+    """
+
+    lattice: PoseLattice
+    cells: Cells
+    offsets: NDArray[np.float64]
+    turn: float
+    least: float
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)
+
+    @cached_property
+    def active(self) -> NDArray[np.intp]:
+        """(n,): the cells that are active, block by block; the largest if none is. They hold nearly
+        all mass.
+        """
+        _, height, width = self.lattice.shape
+        k, i, j = (
+            index[:, None, None] for index in np.nonzero(active_blocks(self.cells, self.least))
+        )
+        row, column = np.arange(SIDE)[:, None], np.arange(SIDE)
+        found = (((k * height + i * SIDE + row) * width) + j * SIDE + column).ravel()
+        flat = self.cells.ravel()
+        found = found[flat[found] > self.least]
+        return found if len(found) else np.array([flat.argmax()])
+
+    @property
+    def chunks(self) -> list[slice]:
+        """Of the active cells: the room that many at a time take is small."""
+        return [slice(k, k + AT_ONCE) for k in range(0, len(self.active), AT_ONCE)]
+
+    def middles(self, here: slice) -> States:
+        """(3, n): of some of the active cells, map frame."""
+        return self.lattice.poses(self.active[here], self.offsets, self.turn)
+
+    @cached_property
+    def particles(self) -> Particles:
+        """The middles of the active cells."""
+        states = np.empty((3, len(self.active)))
+        for here in self.chunks:
+            states[:, here] = self.middles(here)
+        with np.errstate(divide="ignore"):
+            return Particles.normalized(
+                states, np.log(self.cells.ravel()[self.active], dtype=float)
+            )
+
+
+def active_blocks(cells: Cells, least: float) -> NDArray[np.bool_]:
+    """(K, H / SIDE, W / SIDE): which blocks have a cell above `least`."""
+    count, height, width = cells.shape
+    active = np.zeros((count, height // SIDE, width // SIDE), dtype=np.bool_)
+    shared(mark_active, count, 0.2 * cells.size, cells, np.float32(least), active)
+    return active
+
+
+def shared(kernel: Callable[..., None], n: int, work: float, *given: object) -> None:
+    """The kernel over [0, n), by several threads. work: ns, about."""
+    share(lambda start, stop: kernel(*given, start, stop), n, work)
