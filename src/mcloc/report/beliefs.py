@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.filters.filter import Belief
+from mcloc.filters.grid_belief import GridBelief
 from mcloc.filters.kalman import GaussianBelief
+from mcloc.filters.octree import OctreeBelief
 from mcloc.filters.place_belief import PlaceBelief
 from mcloc.particles import Particles
+from mcloc.report.masses import draw_masses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +28,8 @@ def draw_belief(axes: "Axes", belief: Belief) -> None:
     """The belief after the last update."""
     if isinstance(belief, GaussianBelief):
         draw_gaussian(axes, belief.mean, belief.covariance)
+    elif isinstance(belief, GridBelief | OctreeBelief):
+        draw_masses(axes, belief)
     elif isinstance(belief, PlaceBelief):
         draw_graph(axes, belief)
     else:

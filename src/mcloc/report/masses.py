@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mcloc.filters.grid_belief import GridBelief
 from mcloc.filters.octree import OctreeBelief
-from mcloc.maps.occupancy import OccupancyGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,19 +47,22 @@ def of_octree(bel: OctreeBelief) -> tuple[NDArray[np.float64], float]:
     return total, float(bel.boxes.sides(deepest)[0])
 
 
-def draw_masses(
-    axes: "Axes", grid: OccupancyGrid, mass: NDArray[np.float64], side: float, name: str
-) -> None:
-    """Squares over a map, the redder the less mass; turned as the map's origin says."""
+def draw_masses(axes: "Axes", bel: GridBelief | OctreeBelief) -> None:
+    """Squares, the redder the less mass; turned as the map's origin says."""
     from matplotlib.colors import LogNorm
     from matplotlib.transforms import Affine2D
 
+    if isinstance(bel, GridBelief):
+        (mass, side), grid, kind = of_grid(bel), bel.lattice.grid, "cells"
+    else:
+        (mass, side), grid, kind = of_octree(bel), bel.boxes.grid, "leaves"
     height, width = side * np.array(mass.shape)
     x, y, yaw = grid.origin
     most = float(mass.max())
-    shown = np.ma.masked_less(mass, 10.0**-DECADES * most)
+    if most == 0.0:  # all of it is off the map
+        return
     image = axes.imshow(
-        shown,
+        np.ma.masked_less(mass, 10.0**-DECADES * most),
         cmap="autumn",
         norm=LogNorm(10.0**-DECADES * most, most),
         origin="lower",
@@ -70,4 +72,5 @@ def draw_masses(
         zorder=1.5,
     )
     image.set_transform(Affine2D().rotate(yaw).translate(x, y) + axes.transData)
-    axes.scatter([], [], marker="s", color="#ffb000", label=name)  # for the legend
+    # For the legend.
+    axes.scatter([], [], marker="s", color="#ffb000", label=f"last {kind} (brighter: likelier)")
