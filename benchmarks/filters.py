@@ -1,6 +1,6 @@
 """The filters beside each other on recorded logs: tracking, global starts, kidnappings.
 
-    MCLOC_DATA=… python benchmarks/filters.py [--seeds 2] [--starts 5] [--jobs 2] [--rows FILE]
+    MCLOC_DATA=… python benchmarks/filters.py [--seeds 1] [--starts 3] [--jobs 2] [--rows FILE]
         [--out FILE]
 
 Each run is that of `mcloc run --filter NAME`, as in real_logs.py. Rows of single runs are kept in a
@@ -132,8 +132,8 @@ def _run(attempt: Attempt) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=2, help="runs of each log that is tracked")
-    parser.add_argument("--starts", type=int, default=5, help="moments from which one searches")
+    parser.add_argument("--seeds", type=int, default=1, help="runs of each log that is tracked")
+    parser.add_argument("--starts", type=int, default=3, help="moments from which one searches")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--rows", type=Path, default=Path("filters.jsonl"), help="of each run")
     parser.add_argument("--out", type=Path, default=Path("docs/results/filters.md"))

@@ -7,12 +7,17 @@ from mcloc.experiments import (
     e01_motion_density,
     e02_scan_likelihood,
     e03_global_localization,
+    e04_grid_resolution,
     e05_sample_size,
+    e06_grid_cost,
     e08_sensor_noise,
     e09_mixture_proposal,
     e10_few_samples,
     e11_kidnapped_museum,
     e14_adaptive_sizes,
+    e15_reinitialisation,
+    e16_kidnapped,
+    e17_grid_spacing,
 )
 from mcloc.experiments.study import Study
 from mcloc.registry import suggest
@@ -23,12 +28,17 @@ STUDIES: Mapping[str, Study] = {
         e01_motion_density.STUDY,
         e02_scan_likelihood.STUDY,
         e03_global_localization.STUDY,
+        e04_grid_resolution.STUDY,
         e05_sample_size.STUDY,
+        e06_grid_cost.STUDY,
         e08_sensor_noise.STUDY,
         e09_mixture_proposal.STUDY,
         e10_few_samples.STUDY,
         e11_kidnapped_museum.STUDY,
         e14_adaptive_sizes.STUDY,
+        e15_reinitialisation.STUDY,
+        e16_kidnapped.STUDY,
+        e17_grid_spacing.STUDY,
     )
 }
 

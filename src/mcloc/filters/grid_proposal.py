@@ -196,13 +196,18 @@ class GridProposal(Configurable):
     fast the averages that are reported follow, not its random particles or doubt in the wheels; it
     has no use for size, resampler, people and sampler. While the samples are in several places it
     reports no pose.
+
+    A threshold suits a sensor model. With the likelihood field the average of tracked robots was
+    0.51 … 0.98 on recorded logs; robots that were carried off now and then were lost for 5.0, 5.2
+    and 12.6 % of the scans of intel, fhw and freiburg-079 with 0.6, and for 5.7, 6.5 and 15.4 %
+    with 0.5. Others fared the same, but for wean-1, a corridor: 0.5 % against none.
     """
 
     particles: int = param(1000, "", "particles", low=1, high=1e7)
     spacing: float = param(0.25, "m", "between the points of the grid", low=0.01, high=100)
     alpha: float = param(0.01, "", "uniform share of the dynamics", above=0, high=0.99)
     threshold: float = param(
-        0.5,
+        0.6,
         "",
         "average of the best likelihood of a reading, to draw from scans below",
         low=0,

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from mcloc.draws import Draws
-from mcloc.errors import FilterError
+from mcloc.errors import ConfigError, FilterError
 from mcloc.estimate import Hypothesis, away, hypotheses
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.models import Models
 from mcloc.filters.octree_leaves import Leaves, Masses, divided, joined, looks, tree_of
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
-from mcloc.particles import Particles
+from mcloc.particles import Particles, log_sum_exp
 from mcloc.protocols import Density, Environment, MotionModel, SensorModel
 from mcloc.registry import Configurable, param
 from mcloc.samplers.pose_boxes import PoseBoxes
-from mcloc.statespace import SE2
+from mcloc.statespace import SE2, LogWeights, States
 from mcloc.storage import Arrays
 
 SQUARE, HEADINGS = 1.6, 8  # m; about the largest boxes, and the parts of the circle that they are
@@ -75,42 +75,49 @@ class OctreeFilter:
     def start(self, initial: Density, draws: Draws) -> OctreeBelief:
         """A tree of the environment, or of poses drawn from another density."""
         if initial is self.environment:
-            return OctreeBelief(self.boxes, self._tree(1.0, np.empty((3, 0)), np.empty(0)))
-        x = initial.sample(draws, 0, STARTING)
-        return self._belief(self._tree(0.0, x, np.full(STARTING, 1.0 / STARTING)))
+            leaves = self._tree(1.0, np.empty((3, 0)), np.empty(0))
+            for some, here in looks(self.boxes, leaves, self.most, draws):
+                density = here.mass * np.exp(initial.log_density(here.x))
+                leaves.mass[some] = np.bincount(here.leaf, density)
+        else:
+            x = initial.sample(draws, 0, STARTING)
+            leaves = self._tree(0.0, x, np.full(STARTING, 1.0 / STARTING))
+        if not leaves.mass.any():
+            raise ConfigError(f"{self.boxes.grid.name}: the start lies nowhere on the map")
+        return self._belief(leaves.chosen(leaves.mass > 0.0))
 
     def step(
         self, bel: OctreeBelief, u: Any, z: Any, draws: Draws
     ) -> tuple[OctreeBelief, StepInfo]:
         """The belief after moving by u and measuring z."""
-        here = looks(self.boxes, bel.leaves, self.most, draws)
-        x = self.motion.sample(here.x, u, draws, 0)
-        leaves = self._tree(self.carried_off, x, (1.0 - self.carried_off) * here.mass)
+        leaves = self._predicted(bel, u, draws)
         weighing = Weighing(self, z, draws)
         weights = weighing(leaves)
-        while (
-            heavy := (weights > self.most * weights.sum()) & (leaves.level < self.deepest)
-        ).any():
+        total = log_sum_exp(weights)
+        least = math.log(self.most)
+        while (heavy := (weights > least + total) & (leaves.level < self.deepest)).any():
             parts = divided(self.boxes, leaves.chosen(heavy))
             leaves = joined([leaves.chosen(~heavy), parts])
             weights = np.concatenate([weights[~heavy], weighing(parts)])
-        after = self._belief(leaves._replace(mass=weights))
-        source = self.sensor.source(z)
-        evidence = bel.evidence.get(source, Evidence()).updated(
-            weighing.likelihood,
-            self.sensor.readings(z),
-            self.recovery.rates,
-            away(after.particles, SE2) <= LITTLE,
+            total = log_sum_exp(weights)
+        if not math.isfinite(total):
+            raise FilterError("no leaf of the octree explains the scan at all")
+        evidence = dict(bel.evidence)
+        after = self._belief(leaves._replace(mass=np.exp(weights - total)), evidence)
+        source, sure = self.sensor.source(z), away(after.particles, SE2) <= LITTLE
+        now = evidence.get(source, Evidence()).updated(
+            weighing.likelihood, self.sensor.readings(z), self.recovery.rates, sure
         )
+        evidence[source] = now
         info = StepInfo(
             n=len(weights),
             ess=after.particles.ess,
-            log_evidence=math.log(weights.sum()) + weighing.log_best,
-            evidence=evidence,
+            log_evidence=total,
+            evidence=now,
             weighed=weighing.count,
             alpha=self.carried_off,
         )
-        return replace(after, evidence={**bel.evidence, source: evidence}), info
+        return after, info
 
     def hypotheses(self, bel: OctreeBelief) -> tuple[Hypothesis, ...]:
         """The modes of the leaves; each of the smallest is spread evenly over its sides."""
@@ -120,8 +127,10 @@ class OctreeFilter:
 
     def adopted(self, bel: OctreeBelief) -> OctreeBelief:
         """The tree of the same leaves on this map."""
-        x, mass = bel.particles.states, bel.particles.weights
-        return self._belief(self._tree(0.0, x, mass))
+        leaves = self._tree(0.0, bel.particles.states, bel.particles.weights)
+        if not leaves.mass.any():
+            raise FilterError("nothing of what was believed lies on the new map")
+        return self._belief(leaves)
 
     def packed(self, bel: OctreeBelief) -> tuple[dict[str, Any], Arrays]:
         """The belief but for its evidence, as what JSON knows and as arrays."""
@@ -134,46 +143,55 @@ class OctreeFilter:
         leaves = Leaves(*(arrays[name] for name in Leaves._fields))
         return OctreeBelief(self.boxes, leaves, evidence)
 
-    def _tree(self, anywhere: float, x: Any, mass: Masses) -> Leaves:
+    def _predicted(self, bel: OctreeBelief, u: Any, draws: Draws) -> Leaves:
+        """The leaves after moving by u."""
+        moved, done = [], 0
+        for _, here in looks(self.boxes, bel.leaves, self.most, draws):
+            moved.append((self.motion.sample(here.x, u, draws, done), here.mass))
+            done += len(here.mass)
+        x, mass = (np.concatenate(arrays, axis=-1) for arrays in zip(*moved, strict=True))
+        return self._tree(self.carried_off, x, (1.0 - self.carried_off) * mass)
+
+    def _tree(self, anywhere: float, x: States, mass: Masses) -> Leaves:
         return tree_of(self.boxes, anywhere, x, mass, self.most, self.deepest)
 
-    def _belief(self, leaves: Leaves) -> OctreeBelief:
-        total = leaves.mass.sum()
-        if not 0.0 < total < math.inf:
-            raise FilterError(
-                "no leaf of the octree is possible: off the map, or against all scans"
-            )
-        return OctreeBelief(self.boxes, leaves._replace(mass=leaves.mass / total))
+    def _belief(
+        self, leaves: Leaves, evidence: Mapping[str, Evidence] | None = None
+    ) -> OctreeBelief:
+        normalized = leaves._replace(mass=leaves.mass / leaves.mass.sum())
+        return OctreeBelief(self.boxes, normalized, {} if evidence is None else evidence)
 
 
 class Weighing:
     """Weighs leaves by one measurement, in the order in which they are divided.
 
-    likelihood: of one reading, over the leaves that were weighed first. log_best: what all weights
-    are relative to. count: poses weighed.
+    likelihood: of one reading, over the leaves that were weighed first. count: poses weighed.
     """
 
     def __init__(self, of: OctreeFilter, z: Any, draws: Draws) -> None:
         self.of, self.z, self.draws = of, z, draws
-        self.likelihood, self.log_best, self.count, self.calls = 0.0, -math.inf, 0, 0
+        self.likelihood, self.count, self.calls = 0.0, 0, 0
 
-    def __call__(self, leaves: Leaves) -> Masses:
-        """(n,): the mass of each times the mean of p(z | x) p(x | m) in it."""
+    def __call__(self, leaves: Leaves) -> LogWeights:
+        """(n,): log of the mass of each times the mean of p(z | x) p(x | m) in it."""
         of, first = self.of, self.calls == 0
         self.calls += 1
         # Part 0 was for the moves.
         draws = self.draws.of_part(self.draws.part + self.calls)
-        here = looks(of.boxes, leaves, of.most, draws)
-        log_p = of.sensor.log_likelihood(here.x, self.z)
-        log_weight = log_p + of.environment.log_prior(here.x)
+        readings, likelihood = of.sensor.readings(self.z), 0.0
+        found = np.empty(len(leaves.keys))
+        for some, here in looks(of.boxes, leaves, of.most, draws):
+            log_p = of.sensor.log_likelihood(here.x, self.z)
+            weight = log_p + of.environment.log_prior(here.x)
+            with np.errstate(divide="ignore"):
+                weight += np.log(here.mass)
+            begins = np.searchsorted(here.leaf, np.arange(len(found[some])))
+            found[some] = np.logaddexp.reduceat(weight, begins)
+            likelihood += float(here.mass @ np.exp(log_p / readings))
+            self.count += len(log_p)
         if first:
-            readings = of.sensor.readings(self.z)
-            self.likelihood = float(here.mass @ np.exp(log_p / readings) / here.mass.sum())
-            self.log_best = float(log_weight.max())
-        self.count += len(log_p)
-        weight = here.mass * np.exp(log_weight - self.log_best)
-        total: Masses = np.bincount(here.leaf, weight, len(leaves.keys)).astype(np.float64)
-        return total
+            self.likelihood = likelihood / float(leaves.mass.sum())
+        return found
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """The leaves of an octree of poses: boxes of several levels, each with its mass."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from mcloc.statespace import States
 
 Masses = NDArray[np.float64]
 
+AT_ONCE = 1 << 16  # leaves
 _HALVES = np.indices((2, 2, 2)).reshape(3, 1, PARTS)
 
 
@@ -21,13 +23,15 @@ class Leaves(NamedTuple):
     keys: Keys
     mass: Masses
 
-    def chosen(self, which: NDArray[np.bool_]) -> "Leaves":
+    def chosen(self, which: NDArray[np.bool_] | slice) -> "Leaves":
         """Some of them."""
         return Leaves(self.level[which], self.keys[which], self.mass[which])
 
 
 class Looks(NamedTuple):
-    """Poses that stand for leaves. x: (3, m). leaf: (m,) which leaf each is in. mass: (m,)."""
+    """Poses that stand for some leaves. x: (3, m). leaf: (m,) which of these each is in. mass:
+    (m,).
+    """
 
     x: States
     leaf: NDArray[np.intp]
@@ -51,12 +55,26 @@ def divided(boxes: PoseBoxes, leaves: Leaves) -> Leaves:
     return joined(parts)
 
 
-def looks(boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws) -> Looks:
-    """A pose drawn in each leaf; one in each of the 8 parts of those with more mass than `most`."""
+def looks(
+    boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws
+) -> Iterator[tuple[slice, Looks]]:
+    """Some leaves after the other: a pose drawn in each leaf, one in each of the 8 parts of those
+    with more mass than `most`. What is drawn does not depend on how many come at a time.
+    """
+    done = 0
+    for first in range(0, len(leaves.keys), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        here = _looks(boxes, leaves.chosen(some), most, draws, done)
+        done += len(here.leaf)
+        yield some, here
+
+
+def _looks(boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws, first: int) -> Looks:
+    """first: how many were drawn before."""
     parts = np.where(leaves.mass > most, PARTS, 1)
     leaf = np.repeat(np.arange(len(parts)), parts)
     nth = np.arange(len(leaf)) - np.repeat(np.cumsum(parts) - parts, parts)
-    in_box = draws.uniform(Stream.TREE, 0, len(leaf))[:3]
+    in_box = draws.uniform(Stream.TREE, first, len(leaf))[:3]
     several = parts[leaf] > 1
     in_box[:, several] = 0.5 * (in_box[:, several] + _HALVES[:, 0, nth[several]])
     x = np.empty((3, len(leaf)))

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws
-from mcloc.errors import FilterError
+from mcloc.errors import ConfigError, FilterError
 from mcloc.estimate import Hypothesis
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.models import Models
 from mcloc.filters.place_belief import PlaceBelief, moved_by
-from mcloc.filters.place_states import PlaceStates
+from mcloc.filters.place_states import TURNS, PlaceStates
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
 from mcloc.geometry import compose
 from mcloc.maps.places import places
@@ -27,6 +27,7 @@ from mcloc.protocols import Density, Environment, MotionModel, SensorModel
 from mcloc.registry import Configurable, param
 from mcloc.storage import Arrays
 
+MOST_POSES = 2e7  # 24 bytes each, and as much again for what is computed of them
 STARTS = 20_000  # samples of a start density
 THROUGH_WALLS = 0.01  # p of a move between nodes that no passage joins, as of standing in a wall
 
@@ -175,6 +176,12 @@ class Topological(Configurable):
 
     def compose(self, models: Models) -> TopologicalFilter:
         graph = places(models.grid, self.radius, self.piece)
+        poses = graph.areas.sum() / self.spacing**2 * self.headings * TURNS
+        if poses > MOST_POSES:
+            raise ConfigError(
+                f"filter.spacing = {self.spacing:g} m and filter.headings = {self.headings} make "
+                f"{poses:.2g} poses of this map, more than {MOST_POSES:.2g}: more space, or fewer"
+            )
         return TopologicalFilter(
             PlaceStates(graph, self.headings, self.spacing),
             models.motion,

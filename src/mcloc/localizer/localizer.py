@@ -5,8 +5,9 @@ import secrets
 import time
 from bisect import insort
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +17,7 @@ from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis
 from mcloc.events import Event, Odometry, Scan
 from mcloc.filters.catalog import Composition
-from mcloc.filters.filter import Belief
+from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
 from mcloc.localizer.given_pose import covariance_of, given_pose
@@ -43,7 +44,8 @@ class Localizer:
     Each laser has its own test of whether the robot has moved far enough for its next scan to be
     used; `policy` says how far. `pace` says how long the filter is then busy: scans that it would
     have used meanwhile are lost, and counted in `ignored`; None loses none. Call `set_pose`,
-    `start_globally`, `force_update` and `swap_map` between two events.
+    `start_globally`, `force_update` and `swap_map` between two events. `belief` makes one to go on
+    with instead of a start: not every filter can start from nothing.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Localizer:
         initial_sigma: ArrayLike = INITIAL_SIGMA,
         policy: UpdatePolicy | None = None,
         pace: Pace | None = None,
+        belief: Callable[[Filter[Any]], Belief] | None = None,
     ) -> None:
         self.composition = Composition(filter=filter) if isinstance(filter, str) else filter
         self.grid = grid
@@ -77,7 +80,9 @@ class Localizer:
         self._forced = False
         self._busy_until = -np.inf  # s, in the time of the log
         self._warm = False
-        if initial is None:
+        if belief is not None:
+            self.belief = belief(self.filter)
+        elif initial is None:
             self.belief = self._started(self.filter.environment)
         else:
             covariance = covariance_of(initial_sigma)

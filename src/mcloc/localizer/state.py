@@ -98,20 +98,20 @@ def unpacked(path: str, values: dict[str, Any], arrays: Arrays, grid: OccupancyG
 
 
 def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Localizer:
-    localizer = Localizer(
-        grid,
-        Composition(**values["composition"]),
-        seed=values["seed"],
-        policy=UpdatePolicy(**values["policy"]),
-        pace=PACES.make(values["pace"]["name"], **values["pace"]["settings"]),
-    )
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
     of_belief = {
         name.removeprefix("belief."): array
         for name, array in arrays.items()
         if name.startswith("belief.")
     }
-    localizer.belief = localizer.filter.unpacked(values["belief"], of_belief, evidence)
+    localizer = Localizer(
+        grid,
+        Composition(**values["composition"]),
+        seed=values["seed"],
+        policy=UpdatePolicy(**values["policy"]),
+        pace=PACES.make(values["pace"]["name"], **values["pace"]["settings"]),
+        belief=lambda of: of.unpacked(values["belief"], of_belief, evidence),
+    )
     localizer.step = values["step"]
     localizer.ignored.update(Counter(values["ignored"]))
     odometry = localizer._odometry

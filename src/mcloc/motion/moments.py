@@ -27,5 +27,6 @@ def moments_of_move(
     mean = moves.mean(axis=1)
     apart = moves - mean[:, None]
     mean[2] += middle
-    covariance: NDArray[np.float64] = apart @ apart.T / MOVES
+    # Not a matrix product: BLAS may add in another order with other threads.
+    covariance: NDArray[np.float64] = np.einsum("an,bn->ab", apart, apart) / MOVES
     return mean, covariance

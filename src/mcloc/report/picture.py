@@ -137,7 +137,7 @@ def _draw_heading(axes: "Axes", estimate: Trajectory, errors: PoseErrors | None)
 def _draw_particles(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     n = run.history.column("n_particles")
     axes.step(estimate.t, n, where="post", color="0.3", lw=1.2)
-    axes.set(ylabel="particles", xlabel="t [s]")
+    axes.set(ylabel="particles, or cells", xlabel="t [s]")
     _scale(axes, "{:,.0f}")
 
 
