@@ -1,11 +1,15 @@
 """What holds for every registered part, whatever it is called: run over the registries."""
 
+import itertools
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mcloc.config import CHOICES
+from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Scan
@@ -14,7 +18,9 @@ from mcloc.filters.filter import StepInfo
 from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.filters.recovery import Evidence
 from mcloc.geometry import compose
-from mcloc.localizer import Update
+from mcloc.kernels import jit
+from mcloc.localizer import Localizer, Update
+from mcloc.localizer.state import restore, save
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.registry import parameters
@@ -44,6 +50,7 @@ def grid():
 NEEDED = {
     ("size", "recorded"): {"file": str(Path(__file__).with_name("sizes.csv"))},
     ("size", "time-budget"): {"maximum": 2000},  # its minimum: what the clock says does not matter
+    ("filter", "octree"): {"most": 1e-4},  # or it takes seconds
 }
 """What some parts need to be built, and to do the same each time."""
 
@@ -75,6 +82,13 @@ def z():
     ranges = np.random.default_rng(2).uniform(0.1, 5.0, 90)
     ranges[::9] = [np.nan, np.inf, -np.inf, 0.0, -2.0, 8.0, 81.9, np.nan, np.inf, 0.0]
     return Scan(0.0, ranges, np.linspace(-1.5, 1.5, 90), 8.0, np.array([0.2, 0.0, 0.1]))
+
+
+@pytest.fixture
+def set_threads():
+    before = jit._threads
+    yield jit.set_threads
+    jit.set_threads(before)
 
 
 # Parameters
@@ -362,14 +376,43 @@ def test_a_pace_asks_for_more_time_the_more_there_is_to_do(name):
 # Whole filters
 
 
-@pytest.mark.parametrize("filter_name", list(FILTERS))
-@names("recovery")
-@pytest.mark.parametrize("size", list(REGISTRIES["size"]))
-def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):
+WITHOUT_SIZE = "markov-grid", "octree", "kalman", "topological"
+COMPOSED = [
+    *itertools.product(
+        [name for name in FILTERS if name not in WITHOUT_SIZE],
+        REGISTRIES["recovery"],
+        REGISTRIES["size"],
+    ),
+    *((name, "augmented", "kld") for name in WITHOUT_SIZE),
+]
+
+
+def room():
+    """5 m × 4 m with a wall and a pillar; nobody knows what lies outside."""
+    cells = np.full((50, 60), UNKNOWN, dtype=np.int8)
+    cells[4:46, 4:56] = OCCUPIED
+    cells[5:45, 5:55] = FREE
+    cells[20:22, 5:30] = OCCUPIED
+    cells[32:36, 40:45] = OCCUPIED
+    return OccupancyGrid(cells, 0.1, np.array([-1.0, 2.0, 0.4]), name="room")
+
+
+def composed(name, recovery="augmented", size="kld"):
+    settings = {"size": NEEDED.get(("size", size), {}), "filter": NEEDED.get(("filter", name), {})}
+    return Composition(name, recovery=recovery, size=size, settings=settings)
+
+
+def started(built, name):
+    """Where the robot may be anywhere, if the filter can start so."""
+    around = Gaussian(compose(built.environment.grid.origin, [1.5, 3.0, 0.3]), np.eye(3) * 0.01)
+    return built.start(around if name == "kalman" else built.environment, Draws(1))
+
+
+@pytest.mark.parametrize(("name", "recovery", "size"), COMPOSED)
+def test_a_filter_steps_from_belief_to_belief(name, recovery, size, z):
     """Three steps: weights sum to 1, the belief given is left alone, a repeat is the same."""
-    settings = {"size": NEEDED.get(("size", size), {})}
-    built = Composition(filter_name, size=size, recovery=name, settings=settings).build(grid())
-    bel = built.start(built.environment, Draws(1))
+    built = composed(name, recovery, size).build(room())
+    bel = started(built, name)
     for step in (1, 2, 3):
         before = bel.particles.states.copy()
         new, info = built.step(bel, MOVES[0], z, Draws(1, step))
@@ -379,12 +422,79 @@ def test_a_filter_steps_from_belief_to_belief(filter_name, name, size, z):
         assert np.array_equal(new.particles.log_weights, again.particles.log_weights)
         assert np.isfinite(new.particles.states).all()
         assert new.particles.weights.sum() == pytest.approx(1.0)
-        assert info.n == len(new.particles)
+        # Of the states of places, several poses each stand for one.
+        assert info.n == len(new.particles) or name == "topological"
         assert 1.0 <= info.ess <= info.n * (1.0 + 1e-9)
         assert 0.0 <= info.alpha <= 1.0
         assert 0.0 <= info.doubt <= 1.0
         assert 0.0 <= info.filtered <= 1.0
         bel = new
+
+
+@pytest.mark.parametrize("name", list(FILTERS))
+def test_a_belief_is_packed_unpacked_and_adopted(name, z):
+    """What was packed goes on with the same bytes; what another filter adopts goes on."""
+    built = composed(name).build(room())
+    bel = started(built, name)
+    for step in (1, 2):
+        bel, _ = built.step(bel, MOVES[0], z, Draws(1, step))
+    values, arrays = built.packed(bel)
+    again = built.unpacked(json.loads(json.dumps(values)), arrays, dict(bel.evidence))
+    one, info = built.step(bel, MOVES[0], z, Draws(1, 3))
+    other, repeated = built.step(again, MOVES[0], z, Draws(1, 3))
+    assert one.particles.states.tobytes() == other.particles.states.tobytes()
+    assert one.particles.log_weights.tobytes() == other.particles.log_weights.tobytes()
+    assert info == repeated
+    new = composed(name).build(room())
+    adopted = new.adopted(bel)
+    assert adopted.evidence == {}
+    after, _ = new.step(adopted, MOVES[0], z, Draws(1, 3))
+    assert after.particles.weights.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", list(FILTERS))
+def test_hypotheses_are_poses_with_their_shares(name, z):
+    built = composed(name).build(room())
+    bel, _ = built.step(started(built, name), MOVES[0], z, Draws(1, 1))
+    found = built.hypotheses(bel)
+    shares = [h.share for h in found]
+    assert shares == sorted(shares, reverse=True)
+    assert 0.0 <= sum(shares) <= 1.0 + 1e-9
+    for h in found:
+        assert h.mean.shape == (3,)
+        assert abs(h.mean[2]) <= np.pi
+        assert np.linalg.eigvalsh(h.covariance).min() > -1e-9
+
+
+@pytest.mark.parametrize("name", list(FILTERS))
+def test_a_filter_does_not_depend_on_threads(name, z, set_threads):
+    found = []
+    for threads in (1, 2):
+        set_threads(threads)
+        built = composed(name).build(room())
+        bel = started(built, name)
+        for step in (1, 2):
+            bel, _ = built.step(bel, MOVES[0], z, Draws(1, step))
+        found.append((bel.particles.states.tobytes(), bel.particles.log_weights.tobytes()))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("name", list(FILTERS))
+def test_a_localizer_with_any_filter_is_saved_and_goes_on_the_same(name, z, tmp_path):
+    grid = room()
+    start = compose(grid.origin, [1.5, 3.0, 0.3]) if name == "kalman" else None
+    scans = [replace(z, t=float(k), odometry=np.array([0.3 * k, 0.1, 0.1 * k])) for k in range(6)]
+    whole = Localizer(grid, composed(name), seed=3, initial=start)
+    for scan in scans[:3]:
+        whole.process(scan)
+    save(whole, tmp_path / "state")
+    again = restore(tmp_path / "state", grid)
+    rest = [[(e.pose, e.update.info) for e in x.run(scans[3:])] for x in (whole, again)]
+    assert len(rest[0]) == len(rest[1])
+    for (one, info), (other, repeated) in zip(*rest, strict=True):
+        assert np.array_equal(one, other)
+        assert info == repeated
+    assert whole.ignored == again.ignored
 
 
 @names("motion")

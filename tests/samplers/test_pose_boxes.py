@@ -81,3 +81,26 @@ def test_free_squares_are_those_with_a_free_cell_and_stand_on_it(boxes):
     per_row = -(-boxes.grid.cells.shape[1] // boxes.cells)
     expected = np.unique(rows // boxes.cells * per_row + columns // boxes.cells)
     assert np.array_equal(squares, expected)
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_the_parent_of_a_box_is_the_one_that_it_is_a_part_of(boxes, level):
+    x = anywhere(boxes)
+    keys = boxes.around(x, level)
+    assert np.array_equal(boxes.parents(keys, level), boxes.around(x, level - 1))
+    above = np.unique(boxes.around(x, level - 1))
+    parts = boxes.parts(above, level - 1)
+    assert np.array_equal(np.unique(boxes.parents(parts, level)), above)
+    assert np.array_equal(np.bincount(np.searchsorted(above, boxes.parents(parts, level))),
+                          np.full(len(above), PARTS))  # fmt: skip
+
+
+def test_free_boxes_are_all_headings_of_free_squares(boxes):
+    squares, x = boxes.free_squares()
+    keys = boxes.free_keys()
+    assert (np.diff(keys) > 0).all()
+    assert len(keys) == boxes.headings * len(squares)
+    for heading in np.linspace(0.0, 6.2, 5):
+        turned = x.copy()
+        turned[2] = wrap(x[2] + heading)
+        assert np.isin(boxes.around(turned, 0), keys).all()

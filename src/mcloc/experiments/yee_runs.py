@@ -198,16 +198,22 @@ class Alike:
         return max(abs(self.apart.low), abs(self.apart.high)) / self.margin
 
 
+def sizes_of(table: Table) -> list[int]:
+    """The numbers of samples, smallest first."""
+    return sorted(int(n) for n in table.values("samples"))
+
+
 def flat(table: Table) -> Finding:
     """Loss rate and error with each number of samples are virtually those with the largest."""
-    settings: list[Setting] = [{"method": RENEWING, "samples": n} for n in SIZES]
-    level = 1.0 - (1.0 - LEVEL) / (len(ALIKE) * (len(SIZES) - 1))
+    sizes = sizes_of(table)
+    settings: list[Setting] = [{"method": RENEWING, "samples": n} for n in sizes]
+    level = 1.0 - (1.0 - LEVEL) / (len(ALIKE) * (len(sizes) - 1))
     found = []
     for metric, margin in ALIKE.items():
         *others, largest = by_seed(table, metric, *settings)
         found += [
             Alike(metric, n, paired_difference(values, largest, level), margin)
-            for n, values in zip(SIZES, others, strict=False)
+            for n, values in zip(sizes, others, strict=False)
         ]
     most = {name: max((a for a in found if a.metric == name), key=_most) for name in ALIKE}
     told = most["lost"]
@@ -215,7 +221,7 @@ def flat(table: Table) -> Finding:
     return Finding(
         graded([a.holds for a in found]),
         f"percentage points of scans lost more with {told.samples:,} samples than with "
-        f"{SIZES[-1]:,}, the most (the interval holds for all of them at once)",
+        f"{sizes[-1]:,}, the most (the interval holds for all of them at once)",
         scaled(told.apart, 100.0),
         f"Withheld ones left out: {scaled(most['lost_told'].apart, 100.0)} "
         f"({most['lost_told'].samples:,}); centimetres of error: {error} "
@@ -255,6 +261,7 @@ def _less(ours: NDArray[np.float64], theirs: NDArray[np.float64]) -> Interval:
 
 def draw_curves(loss: "Axes", error: "Axes", table: Table, styles: Mapping[str, str]) -> None:
     """Loss rate and error over the number of samples, as in the paper. styles: {method: color}."""
+    sizes = sizes_of(table)
     for method, color in styles.items():
         for axes, metric, line in (
             (loss, "lost", "o-"),
@@ -264,12 +271,12 @@ def draw_curves(loss: "Axes", error: "Axes", table: Table, styles: Mapping[str, 
             if metric == "lost_told" and method != RENEWING:
                 continue  # nothing is withheld
             curve = [
-                _mean(table.where(method=method, samples=n).column(metric), 100.0) for n in SIZES
+                _mean(table.where(method=method, samples=n).column(metric), 100.0) for n in sizes
             ]
             value, low, high = np.array([(i.value, i.low, i.high) for i in curve]).T
             label = f"{method}, {COUNTS[metric]}" if metric == "lost_told" else method
             bars = np.maximum((value - low, high - value), 0.0)
-            axes.errorbar(SIZES, value, bars, fmt=line, color=color, label=label, ms=4, capsize=2)
+            axes.errorbar(sizes, value, bars, fmt=line, color=color, label=label, ms=4, capsize=2)
     loss.set(xscale="log", xlabel="samples", ylabel=f"share of scans > {LOST:g} m off [%]")
     loss.set_yscale("symlog", linthresh=0.1, linscale=0.3)
     loss.set_ylim(0.0, 110.0)

@@ -21,7 +21,8 @@ def moved(
     bel: GridBelief, mean: NDArray[np.float64], covariance: NDArray[np.float64]
 ) -> GridBelief:
     """The belief after a move of that mean (3,) and covariance (3, 3), in the robot's frame: m, m,
-    rad. What is passive is shifted, but not blurred. What leaves the grid is lost.
+    rad. What is passive is shifted, but not blurred. What leaves the grid is lost, unless noise
+    carries it over the edge, a block beyond the map: that comes in on the other side.
     """
     lattice = bel.lattice
     headings, sides = lattice.headings(bel.turn), lattice.sides

@@ -56,7 +56,7 @@ class MarkovGridFilter:
     sensor: SensorModel
     environment: Environment
     active: float = 1e-3
-    carried_off: float = 1e-4
+    carried_off: float = 1e-3
     recovery: Recovery = field(default_factory=NoRandomParticles)
 
     def start(self, initial: Density, draws: Draws) -> GridBelief:
@@ -168,7 +168,7 @@ class MarkovGridFilter:
             states = bel.middles(here)
             log_p = self.sensor.log_likelihood(states, z)
             weight[here] = log_p + self.environment.log_prior(states)
-            likelihood += float(mass[here] @ np.exp(log_p / readings))
+            likelihood += float((mass[here] * np.exp(log_p / readings)).sum())
         return weight, likelihood / float(mass.sum())
 
     def _log_average(self, z: Any, draws: Draws) -> float:
@@ -185,8 +185,8 @@ class MarkovGrid(Configurable):
     Beam models take the expected ranges from their table, which is computed once.
 
     Of recovery it takes how fast the averages follow; it has no use for random particles and for
-    doubt in the wheels, nor for size, resampler, people and sampler. A step takes some 20 bytes for
-    each cell of the whole map.
+    doubt in the wheels, nor for size, resampler, people and sampler. A step takes up to 110 bytes
+    for each cell of the whole map while the robot may be anywhere, 20 once it is localized.
     """
 
     cell: float = param(0.2, "m", "side of a cell", low=0.01, high=10)
@@ -194,12 +194,12 @@ class MarkovGrid(Configurable):
     active: float = param(
         1e-3, "", "cells above this share of a uniform belief are updated", above=0, high=1
     )
-    carried_off: float = param(1e-4, "", "P(carried off since the last update)", above=0, high=0.99)
+    carried_off: float = param(1e-3, "", "P(carried off since the last update)", above=0, high=0.99)
     memory: float = param(4000.0, "MB", "most memory of a step", above=0)
 
     def compose(self, models: Models) -> MarkovGridFilter:
         lattice = PoseLattice(models.grid, self.cell, self.headings)
-        wanted = 20e-6 * lattice.size
+        wanted = 110e-6 * lattice.size
         if wanted > self.memory:
             raise ConfigError(
                 f"{models.grid.name}: a grid of {lattice.size} poses takes {wanted:.0f} MB, more "

@@ -183,11 +183,10 @@ class Weighing:
         for some, here in looks(of.boxes, leaves, of.most, draws):
             log_p = of.sensor.log_likelihood(here.x, self.z)
             weight = log_p + of.environment.log_prior(here.x)
-            with np.errstate(divide="ignore"):
-                weight += np.log(here.mass)
             begins = np.searchsorted(here.leaf, np.arange(len(found[some])))
-            found[some] = np.logaddexp.reduceat(weight, begins)
-            likelihood += float(here.mass @ np.exp(log_p / readings))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found[some] = np.logaddexp.reduceat(weight + np.log(here.mass), begins)
+            likelihood += float((here.mass * np.exp(log_p / readings)).sum())
             self.count += len(log_p)
         if first:
             self.likelihood = likelihood / float(leaves.mass.sum())
@@ -208,7 +207,7 @@ class Octree(Configurable):
     most: float = param(
         1e-6, "", "share of the belief above which a box is divided", low=1e-8, high=0.1
     )
-    carried_off: float = param(1e-4, "", "P(carried off since the last update)", above=0, high=0.99)
+    carried_off: float = param(1e-3, "", "P(carried off since the last update)", above=0, high=0.99)
 
     def compose(self, models: Models) -> OctreeFilter:
         cells = max(round(SQUARE / models.grid.resolution), 1)

@@ -58,8 +58,8 @@ def divided(boxes: PoseBoxes, leaves: Leaves) -> Leaves:
 def looks(
     boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws
 ) -> Iterator[tuple[slice, Looks]]:
-    """Some leaves after the other: a pose drawn in each leaf, one in each of the 8 parts of those
-    with more mass than `most`. What is drawn does not depend on how many come at a time.
+    """Some leaves after the other: a pose drawn in each leaf, one in each of the 8 parts of the
+    largest and of those with more mass than `most`.
     """
     done = 0
     for first in range(0, len(leaves.keys), AT_ONCE):
@@ -71,7 +71,7 @@ def looks(
 
 def _looks(boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws, first: int) -> Looks:
     """first: how many were drawn before."""
-    parts = np.where(leaves.mass > most, PARTS, 1)
+    parts = np.where((leaves.mass > most) | (leaves.level == 0), PARTS, 1)
     leaf = np.repeat(np.arange(len(parts)), parts)
     nth = np.arange(len(leaf)) - np.repeat(np.cumsum(parts) - parts, parts)
     in_box = draws.uniform(Stream.TREE, first, len(leaf))[:3]

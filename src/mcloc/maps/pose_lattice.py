@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.geometry import compose
+from mcloc.geometry import wrap
 from mcloc.kernels.blur import SIDE
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.statespace import States
@@ -63,11 +63,17 @@ class PoseLattice:
         _, height, width = self.shape
         rest, column = np.divmod(cells, width)
         k, row = np.divmod(rest, height)
-        moved = offsets[k]
-        x = np.mod(column + 0.5 + moved[:, 0], width) - SIDE
-        y = np.mod(row + 0.5 + moved[:, 1], height) - SIDE
-        local = np.stack([x * self.cell, y * self.cell, self.headings(turn)[k]], axis=-1)
-        return np.ascontiguousarray(compose(self.grid.origin, local).T)
+        at = np.stack([column, row]) + 0.5
+        size = np.array([[width], [height]], dtype=np.float64)
+        at += np.take(offsets.T, k, axis=1)
+        at -= size * np.floor(at / size)
+        x, y = self.cell * (at - SIDE)
+        # As `compose` does it, but each slice's angle is wrapped once.
+        ox, oy, yaw = self.grid.origin
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        return np.stack(
+            [ox + cos * x - sin * y, oy + sin * x + cos * y, wrap(yaw + self.headings(turn))[k]]
+        )
 
     def cells_of(self, x: States, offsets: NDArray[np.float64], turn: float) -> NDArray[np.intp]:
         """(n,): the cell that each pose x (3, n) lies in; −1 beyond all of them."""
