@@ -56,7 +56,7 @@ def test_verdicts_as_json(mcloc: Mcloc, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["E77"], "unknown study 'E77'; known: E1, "),
+        (["77"], "unknown study '77'; known: E1, "),
         (["cat"], "unknown study 'cat'; known: E1, "),
         (["E1", "e01"], "a study is named twice: E1 e01"),
         (["E1", "--runs", 0], "--runs: at least one run for each setting, got 0"),

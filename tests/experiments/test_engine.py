@@ -61,6 +61,21 @@ def test_interrupting_a_run_is_no_error_of_it() -> None:
         attempt(interrupted, {}, 0)
 
 
+def where(setting: Setting, seed: int) -> Record:
+    return {"folder": os.getcwd()}
+
+
+def test_kept_processes_work_in_the_folder_of_today(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        rows = performed(where, [({}, seed) for seed in range(4)], jobs=2)
+        found = [row.record["folder"] for row in rows if row.record is not None]
+        assert found == 4 * [str(tmp_path / name)]
+
+
 def test_processes_give_what_one_process_gives() -> None:
     alone = by_task(performed(REAL, REAL_TASKS[:4]))
     assert all(row.error is None for row in alone.values())

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import time
 import traceback
 import warnings
@@ -46,7 +47,7 @@ def _here(run: Run, tasks: Sequence[Task], jobs: int) -> Generator[Row]:
     parallel = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
     with (
         warnings.catch_warnings(),
-        closing(parallel(delayed(attempt)(run, *task) for task in tasks)) as rows,
+        closing(parallel(delayed(_in_folder)(os.getcwd(), run, *task) for task in tasks)) as rows,
     ):
         warnings.filterwarnings("ignore", module="joblib")  # that closing it early stops the rest
         try:
@@ -56,6 +57,12 @@ def _here(run: Run, tasks: Sequence[Task], jobs: int) -> Generator[Row]:
                 "a process was killed, perhaps for lack of memory; --resume goes on, and fewer "
                 "--jobs need less"
             ) from cause
+
+
+def _in_folder(folder: str, run: Run, setting: Setting, seed: int) -> Row:
+    """joblib keeps its processes for the next study, which may be asked for in another folder."""
+    os.chdir(folder)
+    return attempt(run, setting, seed)
 
 
 def _on_cluster(run: Run, tasks: Sequence[Task], cluster: str) -> Generator[Row]:
