@@ -52,8 +52,8 @@ with other measurements each time; the paper has 100 runs a path, here they are 
   that is tried, on a straight line between two of them on a logarithmic axis; ∞ where there is none
   up to {TRIED[-1]:,}. Its interval is that of 10,000 resamples of the seeds.
 - The study was run with up to {SIZES[-1]:,} samples first. {MCL} lost 1.3 % with so many, nearly
-  all of it in one of 80 runs, and there was no crossing. Since the claim speaks of very large numbers,
-  {TRIED[-1]:,} were added then. The other verdicts were the same before.
+  all of it in one of 80 runs, and there was no crossing. Since the claim speaks of very large
+  numbers, {TRIED[-1]:,} were added then. The other verdicts were the same before.
 
 Rules and predictions were written after the six runs a path of other seeds had been looked at with
 100 to 100,000 samples: {MCL} lost 96, 79, 42, 8 and 0.1 % of the scans with 100, 1,000, 10,000,
