@@ -40,6 +40,16 @@ def table_of(changed: Callable[[str, int, int], Record] | None = None) -> Table:
     return Table(rows)
 
 
+def test_other_thresholds_are_tried_with_the_largest_number_too() -> None:
+    tried = {
+        name: {s["samples"] for s in e16.STUDY.settings() if s["method"] == name}
+        for name in e16.STUDY.factors["method"]
+    }
+    assert tried[runs.RENEWING] == set(runs.SIZES)
+    assert all(tried[name] == {100, 1000} for name in e16.OTHER_SHARES)
+    assert all(tried[name] == {100, 1000, 100_000} for name in runs.OTHER_THRESHOLDS)
+
+
 def test_all_hold_where_it_is_better_everywhere() -> None:
     table = table_of()
     assert [claim.decide(table).verdict for claim in e16.STUDY.claims] == [Verdict.REPRODUCED] * 4
