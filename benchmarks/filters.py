@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from real_logs import DATA, KIDNAPPED, LEAST_LEFT, RECORDINGS, TELEPORTED, Job, _tracked
-from real_logs_tables import WITHIN, _survival, names, of, rate
+from real_logs import DATA, KIDNAPPED, LEAST_LEFT, RECORDINGS, TELEPORTED, Job, from_true_start
+from real_logs_tables import WITHIN, names, of, rate, survival_of
 
 from mcloc import __version__
 from mcloc.errors import LogError
@@ -60,7 +60,7 @@ def attempts(seeds: int, starts: int) -> Iterator[Attempt]:
         for name in NAMES:
             chosen = {"filter": name}
             for seed in range(seeds):
-                entries = {**_tracked(truth), **chosen}
+                entries = {**from_true_start(truth), **chosen}
                 yield Attempt(Job("tracking", recording, name, seed, entries))
             if name in TRACKING_ONLY:
                 continue
@@ -70,7 +70,7 @@ def attempts(seeds: int, starts: int) -> Iterator[Attempt]:
         truth = read_trajectory(DATA / recording.truth)
         for name in NAMES:
             for seed in range(seeds):
-                entries = {**_tracked(truth), "filter": name}
+                entries = {**from_true_start(truth), "filter": name}
                 yield Attempt(Job("kidnapped", recording, name, seed, entries))
 
 
@@ -122,7 +122,7 @@ def _again(rows: Rows) -> str:
     stretches = [stretch for row in _ran(rows) for stretch in row["found"]]
     if not stretches:
         return "–"
-    within = _survival(stretches).within(WITHIN)
+    within = survival_of(stretches).within(WITHIN)
     return f"{100 * within.value:.0f} % ({100 * within.low:.0f}–{100 * within.high:.0f} %)"
 
 

@@ -129,7 +129,7 @@ def _stretches(recovered: list[Any]) -> list[list[Any]]:
     return [[r.path_m, r.after_m, r.recovered] for r in recovered]
 
 
-def _tracked(truth: Any) -> dict[str, Any]:
+def from_true_start(truth: Any) -> dict[str, Any]:
     return {"start": truth.t[0] - 1e-3, "initial": tuple(map(float, truth.poses[0]))}
 
 
@@ -140,7 +140,7 @@ def jobs() -> Iterator[Job]:
         truth = read_trajectory(DATA / recording.truth)
         for method, parts in both.items():
             for seed in range(SEEDS):
-                yield Job("tracking", recording, method, seed, {**_tracked(truth), **parts})
+                yield Job("tracking", recording, method, seed, {**from_true_start(truth), **parts})
         driven = np.hypot(*np.diff(truth.poses[:, :2], axis=0).T)
         left = driven.sum() - np.concatenate([[0.0], np.cumsum(driven)])
         last = np.flatnonzero(left >= LEAST_LEFT)[-1]
@@ -154,7 +154,7 @@ def jobs() -> Iterator[Job]:
         truth = read_trajectory(DATA / recording.truth)
         for method, parts in METHODS.items():
             for seed in range(SEEDS):
-                yield Job("kidnapped", recording, method, seed, {**_tracked(truth), **parts})
+                yield Job("kidnapped", recording, method, seed, {**from_true_start(truth), **parts})
 
 
 def _run(job: Job) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def kidnapped(rows: Rows) -> Iterator[str]:
         for method in names(rows, "method"):
             some = of(rows, log=log, method=method)
             seen, stays = (
-                _survival([s for row in some for s in row[name]]) for name in ("found", "stays")
+                survival_of([s for row in some for s in row[name]]) for name in ("found", "stays")
             )
             median = "–" if seen.median is None else f"{seen.median:.1f}"
             lost = 100.0 * np.mean([row["lost"] for row in some])
@@ -165,7 +165,7 @@ def kidnapped(rows: Rows) -> Iterator[str]:
     yield "| method | stretches | found within 20 m | median, m | mean of the first 20 m |"
     yield "|---|---|---|---|---|"
     for method in names(rows, "method"):
-        seen = _survival([s for row in of(rows, method=method) for s in row["found"]])
+        seen = survival_of([s for row in of(rows, method=method) for s in row["found"]])
         median = "–" if seen.median is None else f"{seen.median:.1f}"
         yield (
             f"| {method} | {len(seen)} | {_within(seen)} | {median} "
@@ -173,7 +173,7 @@ def kidnapped(rows: Rows) -> Iterator[str]:
         )
 
 
-def _survival(stretches: list[list[Any]]) -> Survival:
+def survival_of(stretches: list[list[Any]]) -> Survival:
     """Of [metres to drive, metres until found, whether found], those that are long enough."""
     long = [s for s in stretches if s[0] >= 15.0]
     return Survival(

@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
-from mcloc.samplers.pose_boxes import PARTS, Keys, PoseBoxes
+from mcloc.samplers.pose_boxes import HALVES, PARTS, Keys, PoseBoxes
 from mcloc.statespace import States
 
 Masses = NDArray[np.float64]
 
 AT_ONCE = 1 << 16  # leaves
-_HALVES = np.indices((2, 2, 2)).reshape(3, 1, PARTS)
 
 
 class Leaves(NamedTuple):
@@ -76,7 +75,7 @@ def _looks(boxes: PoseBoxes, leaves: Leaves, most: float, draws: Draws, first: i
     nth = np.arange(len(leaf)) - np.repeat(np.cumsum(parts) - parts, parts)
     in_box = draws.uniform(Stream.TREE, first, len(leaf))[:3]
     several = parts[leaf] > 1
-    in_box[:, several] = 0.5 * (in_box[:, several] + _HALVES[:, 0, nth[several]])
+    in_box[:, several] = 0.5 * (in_box[:, several] + HALVES[:, 0, nth[several]])
     x = np.empty((3, len(leaf)))
     for level in np.unique(leaves.level):
         here = np.flatnonzero(leaves.level[leaf] == level)

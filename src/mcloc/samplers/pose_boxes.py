@@ -16,7 +16,7 @@ Keys = NDArray[np.int64]
 
 PARTS = 8  # of a box, at the next level
 _AT_ONCE = 1 << 14  # squares
-_HALVES = np.indices((2, 2, 2)).reshape(3, 1, PARTS)
+HALVES = np.indices((2, 2, 2)).reshape(3, 1, PARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class PoseBoxes:
     def parts(self, keys: Keys, level: int) -> Keys:
         """(8 n,): the parts of each box, which are of the next level, sorted."""
         headings, _, columns = self.shape(level + 1)
-        column, row, heading = 2 * self.indices(keys, level)[:, :, None] + _HALVES
+        column, row, heading = 2 * self.indices(keys, level)[:, :, None] + HALVES
         return np.sort((row * columns + column) * headings + heading, axis=None)
 
     def parents(self, keys: Keys, level: int) -> Keys:
