@@ -39,8 +39,9 @@ models; the picture of the environment is lost. Chosen here, once:
 - A ring of {SONARS} sonars in the middle of the robot, one each 22.5°. The paper has "range-finding
   sensors placed evenly", with 3 m, a diffraction angle of 20° and a noise of 5 %: each measures the
   nearest wall within ± 10°, with a deviation of 5 % of the range.
-- The paper's sensor model has misses and unknown obstacles, without their shares: {100 * MISSED:g} % of
-  the readings are none, and {100 * UNEXPECTED:g} % are anything up to 3 m. Filters are told so.
+- The paper's sensor model has misses and unknown obstacles, without their shares:
+  {100 * MISSED:g} % of the readings are none, and {100 * UNEXPECTED:g} % are anything up to 3 m.
+  Filters are told so.
 - Wheels err at random, about as much in a step as mcloc's default motion model expects.
 - The filters' sensor model is the paper's: readings are multiplied as if they were independent, and
   each measurement counts in full. Ranges are looked up; for the cells of that table 5 cm are added
