@@ -1,12 +1,15 @@
 """Which events of a log a run takes, and what its history keeps."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mcloc.cli.story import told
 from mcloc.config import RunConfig
 from mcloc.report import Run
+from mcloc.report.summary import summarize
 from mcloc.simulation import office_drive, write_drive
 
 
@@ -53,3 +56,12 @@ def test_where_the_clock_is_set_back_stamps_still_increase(config: RunConfig) ->
     assert (np.diff(t) > 0.0).all()
     assert t[-1] == pytest.approx(max(e.t for e in back[101:]), abs=0.3)
     assert run.ignored["clock of scans set back"] == 1
+
+
+def test_a_filter_that_withholds_its_estimate_at_the_end(config: RunConfig) -> None:
+    run = Run(replace(config, end=3.0))
+    stamps(run)
+    run.localizer.hypotheses = ()
+    summary = summarize(run, None)
+    assert summary["final"] == {"x": None, "y": None, "theta": None, "hypotheses": []}
+    assert "final pose none: the filter withholds" in told(summary, Path("run"), [])

@@ -29,6 +29,8 @@ def _lines(summary: dict[str, Any], out: Path, pictures: Iterable[Path]) -> Iter
         yield f"ignored    {count} × {reason}"
     for k, h in enumerate(summary["final"]["hypotheses"]):
         yield f"{'' if k else 'final pose':10} {_pose(h)}, share {_percent(h['share'])} %"
+    if not summary["final"]["hypotheses"]:
+        yield "final pose none: the filter withholds its estimate"
     if summary["accuracy"] is not None:
         yield from _accuracy(summary["accuracy"])
     yield f"results    {out}"

@@ -29,6 +29,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
     duration = float(t[-1] - t[0])
     final = run.localizer.hypotheses
     found = [{**_pose(h.mean), "share": h.share} for h in final]
+    nowhere = np.full(3, np.nan)  # of a filter that withholds its estimate at the end
     summary = {
         "version": __version__,
         "map": config.map or run.grid.name,
@@ -49,7 +50,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         },
         "particles": {"median": float(np.median(particles)), "max": int(particles.max())},
         "ignored": dict(sorted(run.ignored.items())),
-        "final": {**_pose(final[0].mean), "hypotheses": found},
+        "final": {**_pose(final[0].mean if final else nowhere), "hypotheses": found},
         "accuracy": None if accuracy is None else accuracy.to_dict(),
     }
     return {key: _known(value) for key, value in summary.items()}
