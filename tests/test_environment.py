@@ -1,12 +1,14 @@
-"""Where a robot can stand: the uniform density over free cells and headings, and p(x | m)."""
+"""Where a robot can stand: the uniform density over free cells and headings, or over tiles, and
+p(x | m).
+"""
 
 import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
 from mcloc.draws import Draws
-from mcloc.environment import FreeSpace
-from mcloc.errors import MapError
+from mcloc.environment import FreeSpace, Tiles
+from mcloc.errors import ConfigError, MapError
 from mcloc.geometry import compose
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -78,3 +80,42 @@ def test_a_map_without_free_cells():
     grid = OccupancyGrid(np.full((3, 3), UNKNOWN, dtype=np.int8), 0.1, np.zeros(3), name="fog.yaml")
     with pytest.raises(MapError, match=r"fog\.yaml: no free cell"):
         FreeSpace(grid).sample(Draws(1), 0, 1)
+
+
+@pytest.mark.parametrize("shape", [(11,), (4, 6), (2, 1, 3, 2)])
+def test_every_tile_is_as_likely(shape):
+    x = Tiles(shape).sample(Draws(6), 0, N)
+    assert x.shape == (len(shape), N)
+    observed = np.zeros(shape)
+    np.add.at(observed, tuple(x.astype(int)), 1)
+    assert (x == np.floor(x)).all()
+    assert chisquare(observed.ravel()).pvalue > 1e-4
+
+
+def test_chunks_of_tiles_make_no_difference():
+    tiles = Tiles((5, 7))
+    parts = [tiles.sample(Draws(3), 4, 30), tiles.sample(Draws(3), 34, 70)]
+    assert np.array_equal(tiles.sample(Draws(3), 4, 100), np.concatenate(parts, axis=1))
+
+
+def test_tiles_share_all_there_is():
+    """Whole numbers and the halves between them, from beyond one end to beyond the other."""
+    x = 0.5 * np.indices((14, 18)).reshape(2, -1) - 1.0
+    tile = (x == np.floor(x)).all(axis=0) & (x >= 0.0).all(axis=0) & (x[0] < 4) & (x[1] < 6)
+    tiles = Tiles((4, 6))
+    assert len(tiles) == tile.sum() == 24
+    assert np.exp(tiles.log_density(x)) == pytest.approx(tile / 24.0)
+    assert np.exp(tiles.log_prior(x)) == pytest.approx(1.0 * tile)
+    assert np.array_equal(tiles.contain(x), tile)
+
+
+def test_what_a_table_holds_for_each_tile():
+    table = np.arange(24.0).reshape(4, 6) + 1.0
+    x = np.array([[3.0, 0.0, -1.0, 4.0, 1.0, np.nan], [2.0, 5.0, 0.0, 0.0, 1.5, 0.0]])
+    assert Tiles((4, 6)).at(table, x).tolist() == [21.0, 6.0, 0.0, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (3, -1), (2.5,), (1, 1, 1, 1, 1)])
+def test_a_shape_that_cannot_be(shape):
+    with pytest.raises(ConfigError, match="tiles need"):
+        Tiles(shape)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from mcloc.statespace import LINE, R3, SE2
+from mcloc.statespace import LINE, PLANE, R3, SE2
 
 
-@pytest.mark.parametrize("space", [SE2, R3, LINE])
+@pytest.mark.parametrize("space", [SE2, R3, LINE, PLANE])
 def test_every_axis_has_a_name_a_unit_and_a_kind(space):
     assert space.dimension == len(space.axes) == len(space.units) == len(space.circular)
     assert len(set(space.axes)) == space.dimension
@@ -15,4 +15,4 @@ def test_every_axis_has_a_name_a_unit_and_a_kind(space):
 
 def test_only_the_heading_of_se2_is_circular():
     assert SE2.circular == (False, False, True)
-    assert not any(R3.circular + LINE.circular)
+    assert not any(R3.circular + LINE.circular + PLANE.circular)

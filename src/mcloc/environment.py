@@ -1,7 +1,8 @@
 """Where a robot can stand, or an object can be: p(x | m), and U(x), poses spread evenly over free
-cells and all headings, or places over a box.
+cells and all headings, places over a box, or tiles.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from mcloc.registry import Configurable, Registry, param
 from mcloc.statespace import LogWeights, States
 
 Corner = tuple[float, float, float]
+MOST_AXES = 4  # of tiles: so many random numbers a particle has for each use
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,53 @@ class Box:
         inside = ((low <= x) & (x <= high)).all(axis=0)
         prior: LogWeights = np.where(inside, 0.0, -np.inf)
         return prior
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """Tiles in a row, a rectangle, or along more axes: the whole numbers 0 … shape[k] − 1 on axis
+    k. p(x | m) is 1 on each, U(x) = 1 / their number; both are 0 between and beyond them. Raises
+    ConfigError for a shape that cannot be.
+    """
+
+    shape: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        whole = all(isinstance(length, (int, np.integer)) and length >= 1 for length in self.shape)
+        if not (whole and 1 <= len(self.shape) <= MOST_AXES):
+            raise ConfigError(
+                f"tiles need 1 to {MOST_AXES} axes of at least 1 tile each, got shape {self.shape}"
+            )
+
+    def __len__(self) -> int:
+        return math.prod(self.shape)
+
+    def contain(self, x: States) -> NDArray[np.bool_]:
+        """(n,): which columns of x (D, n) are tiles."""
+        length = np.array(self.shape)[:, None]
+        inside: NDArray[np.bool_] = ((x >= 0) & (x < length) & (x == np.floor(x))).all(axis=0)
+        return inside
+
+    def at(self, table: NDArray[np.float64], x: States) -> NDArray[np.float64]:
+        """(n,): table[x] for each column of x (D, n), 0 where that is no tile. table: of shape
+        `shape`.
+        """
+        inside = self.contain(x)
+        found: NDArray[np.float64] = table[tuple(np.where(inside, x, 0.0).astype(np.intp))]
+        return np.where(inside, found, 0.0)
+
+    def sample(self, draws: Draws, first: int, n: int) -> States:
+        """(D, n): tiles of the particles first … first + n − 1."""
+        u = draws.uniform(Stream.RANDOM_POSE, first, n)[: len(self.shape)]
+        return np.floor(np.array(self.shape)[:, None] * u)
+
+    def log_density(self, x: States) -> LogWeights:
+        """(n,): −log of their number on tiles, −inf elsewhere: a probability, not one per m."""
+        return np.where(self.contain(x), -math.log(len(self)), -np.inf)
+
+    def log_prior(self, x: States) -> LogWeights:
+        """(n,): 0 on tiles, −inf elsewhere."""
+        return np.where(self.contain(x), 0.0, -np.inf)
 
 
 ENVIRONMENTS: Registry[Environment] = Registry("environment", {"free-space": FreeSpace})

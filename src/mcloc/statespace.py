@@ -36,3 +36,6 @@ R3 = StateSpace(("x", "y", "z"), ("m", "m", "m"), (False, False, False))
 
 LINE = StateSpace(("x",), ("m",), (False,))
 """Places along a line; tiles are its whole numbers."""
+
+PLANE = StateSpace(("x", "y"), ("m", "m"), (False, False))
+"""Places in the plane; 2-D tiles are its whole numbers."""

@@ -18,6 +18,10 @@ from mcloc.experiments import (
     e15_reinitialisation,
     e16_kidnapped,
     e17_grid_spacing,
+    e18_one_iteration,
+    e19_global_localization_on_tiles,
+    e20_kidnapped_on_tiles,
+    e21_ablation,
 )
 from mcloc.experiments.study import Study
 from mcloc.registry import suggest
@@ -39,6 +43,10 @@ STUDIES: Mapping[str, Study] = {
         e15_reinitialisation.STUDY,
         e16_kidnapped.STUDY,
         e17_grid_spacing.STUDY,
+        e18_one_iteration.STUDY,
+        e19_global_localization_on_tiles.STUDY,
+        e20_kidnapped_on_tiles.STUDY,
+        e21_ablation.STUDY,
     )
 }
 

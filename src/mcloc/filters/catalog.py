@@ -8,6 +8,7 @@ from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
 from mcloc.filters.filter import Filter
 from mcloc.filters.grid_proposal import GridProposal
+from mcloc.filters.hierarchical.kind import Hierarchical
 from mcloc.filters.kalman import Kalman
 from mcloc.filters.markov_grid import MarkovGrid
 from mcloc.filters.models import FilterKind, Models
@@ -125,6 +126,7 @@ FILTERS: Registry[FilterKind] = Registry(
         "sensor-resetting": SensorResettingMCL,
         "markov-grid": MarkovGrid,
         "octree": Octree,
+        "hierarchical": Hierarchical,
         "grid-proposal": GridProposal,
         "kalman": Kalman,
         "topological": Topological,

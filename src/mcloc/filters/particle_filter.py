@@ -184,7 +184,7 @@ class ParticleFilter:
         """
 
         def sample(n: int) -> Particles:
-            own = draws.of_part(len(self.parts))
+            own = draws.of_part(draws.part + len(self.parts))
             ancestors = Systematic()(bel.particles, n, own).of(0, n)
             old = np.take(bel.particles.states, ancestors, axis=1)
             states = self.motion.sample(old, u, own, 0)
@@ -208,7 +208,9 @@ class ParticleFilter:
         target = Target(bel.particles, u, z, alpha, doubt, *models, *known)
         drawn = []
         for k, part in enumerate(self.parts):
-            source, n = part.proposal.prepare(target, part.size.fixed, draws.of_part(k))
+            source, n = part.proposal.prepare(
+                target, part.size.fixed, draws.of_part(draws.part + k)
+            )
             counter = part.size.counter(self.space, draws.step, len(sizes))
             drawn.append(draw(source, counter, part.size.fixed, n))
             sizes.append(len(drawn[-1].log_before))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mcloc.filters.filter import Belief
 from mcloc.filters.grid_belief import GridBelief
+from mcloc.filters.hierarchical.belief import HierarchicalBelief
 from mcloc.filters.kalman import GaussianBelief
 from mcloc.filters.octree import OctreeBelief
 from mcloc.filters.place_belief import PlaceBelief
@@ -21,7 +22,7 @@ SIGMAS = 2.0  # of a Gaussian
 LOOK = 1.5  # m, least length of what shows a heading
 DECADES = 4.0  # below the likeliest place; less is not drawn
 SHOWN_HEADING = 0.02  # of the belief: headings with less get no arrow
-COLOUR, EDGE = "#e8590c", "0.45"
+COLOUR, EDGE, REGION = "#e8590c", "0.45", "#0b7285"
 
 
 def draw_belief(axes: "Axes", belief: Belief) -> None:
@@ -32,6 +33,9 @@ def draw_belief(axes: "Axes", belief: Belief) -> None:
         draw_masses(axes, belief)
     elif isinstance(belief, PlaceBelief):
         draw_graph(axes, belief)
+    elif isinstance(belief, HierarchicalBelief):
+        draw_particles(axes, belief.particles)
+        draw_regions(axes, belief)
     else:
         draw_particles(axes, belief.particles)
 
@@ -73,6 +77,20 @@ def draw_gaussian(axes: "Axes", mean: NDArray[np.float64], covariance: NDArray[n
         patch.set(facecolor=COLOUR, edgecolor=COLOUR, lw=1.0, zorder=6)
         axes.add_patch(patch)
     ellipse.set_label("last belief, 2σ")
+
+
+def draw_regions(axes: "Axes", belief: HierarchicalBelief) -> None:
+    """The answers of a hierarchy from above, each smaller region in a darker frame, and how
+    probable the smallest one is.
+    """
+    answers = list(belief.answers())
+    for answer in answers[1:]:
+        (x, y), (width, height) = answer.region.low[:2], answer.region.sides[:2]
+        depth = answer.depth / answers[-1].depth
+        edges = [x, x + width, x + width, x, x], [y, y, y + height, y + height, y]
+        axes.plot(*edges, color=REGION, lw=0.5 + depth, alpha=0.2 + 0.8 * depth, zorder=6)
+    last = answers[-1]
+    axes.plot([], [], color=REGION, label=f"halved {last.depth} times: P = {last.probability:.2g}")
 
 
 def draw_graph(axes: "Axes", belief: PlaceBelief) -> None:

@@ -1,0 +1,1 @@
+"""Hierarchical Monte Carlo localization  [Est]."""

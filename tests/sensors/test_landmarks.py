@@ -1,0 +1,283 @@
+"""Range and bearing to known landmarks: densities by quadrature, simulated sightings against them,
+and posteriors over poses against a grid that knows nothing of the model's code.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import chisquare, norm
+
+from mcloc.errors import ConfigError
+from mcloc.geometry import compose
+from mcloc.registry import parameters
+from mcloc.sensors.landmarks import LandmarkModel, Sightings
+
+PLACES = np.array([[2.7, 0.0], [-2.7, 0.0], [1.35, 1.9], [-1.35, -1.9]])
+SHARP = LandmarkModel(PLACES)
+POOR = LandmarkModel(
+    PLACES, sigma_range=0.3, sigma_relative=0.2, sigma_bearing=1.5, range_max=5.0, p_outlier=0.1
+)
+every_sensor = pytest.mark.parametrize("sensor", [SHARP, POOR], ids=["sharp", "poor"])
+distances = pytest.mark.parametrize("d", [0.0, 0.04, 1.0, 4.9, 7.95, 30.0])
+POSE = np.array([[0.5], [-0.4], [2.8]])
+NAN = math.nan
+
+
+def log_p(sensor, pose, z):
+    """log p(z | x) per metre and radian, number by number, by SciPy's normal."""
+    eps, total = sensor.p_outlier, 0.0
+    for landmark, r, b in zip(z.landmark, z.range, z.bearing, strict=True):
+        dx, dy = sensor.places[landmark] - pose[:2]
+        d = math.sqrt(dx * dx + dy * dy)
+        sigma = math.sqrt(sensor.sigma_range**2 + (sensor.sigma_relative * d) ** 2)
+        if not math.isnan(r):
+            total += math.log((1 - eps) * norm.pdf(r, d, sigma) + eps / sensor.range_max)
+        if not math.isnan(b):
+            off = b - (math.atan2(dy, dx) - pose[2])
+            turns = off + 2.0 * math.pi * np.arange(-9, 10)
+            near = norm.pdf(turns, 0.0, sensor.sigma_bearing).sum()
+            total += math.log((1 - eps) * near + eps / (2.0 * math.pi))
+    return total
+
+
+def expected(pose, landmarks):
+    """What an errorless sensor sees."""
+    dx, dy = (PLACES[landmarks] - pose[:2, 0]).T
+    return Sightings(landmarks, np.hypot(dx, dy), np.arctan2(dy, dx) - pose[2, 0])
+
+
+@every_sensor
+@distances
+def test_ranges_have_a_density_but_for_those_that_are_none(sensor, d):
+    """∫ p dr over (0, range_max], and the chance of the rest."""
+    eps, top = sensor.p_outlier, sensor.range_max
+    sigma = math.hypot(sensor.sigma_range, sensor.sigma_relative * d)
+    cuts = np.unique(np.clip([0.0, d - 8.0 * sigma, d, d + 8.0 * sigma, top], 0.0, top))
+    within = sum(
+        quad(lambda r: sensor.range_density(r, np.array(d)).item(), a, b)[0]
+        for a, b in pairwise(cuts)
+    )
+    none = (1 - eps) * (norm.cdf(0.0, d, sigma) + norm.sf(top, d, sigma))
+    assert within + none == pytest.approx(1.0, abs=1e-6)
+
+
+@every_sensor
+def test_bearings_have_a_density_over_the_circle(sensor):
+    """By the midpoint rule, which is exact for what is periodic and smooth."""
+    n = 2000
+    off = (np.arange(n) + 0.5) * 2.0 * np.pi / n - np.pi
+    for shift in (0.0, 2.0, -9.0):
+        p = sensor.bearing_density(off + shift)
+        assert p.sum() * 2.0 * np.pi / n == pytest.approx(1.0, abs=1e-9)
+
+
+@every_sensor
+def test_likelihoods_are_those_of_the_equation(sensor):
+    rng = np.random.default_rng(3)
+    x = rng.uniform([[-2.7], [-1.8], [-3.1]], [[2.7], [1.8], [3.1]], (3, 60))
+    z = Sightings([3, 0, 2, 2], [1.1, NAN, 2.5, 4.0], [0.3, -2.0, NAN, 3.0])
+    found = sensor.log_likelihood(x, z)
+    wanted = np.array([log_p(sensor, pose, z) for pose in x.T])
+    assert found - found[0] == pytest.approx(wanted - wanted[0])
+    # Relative to a sighting that is just as expected, term by term.
+    best = [
+        log_p(sensor, np.array([*(PLACES[3] - (1.1, 0.0)), -0.3]), Sightings([3], [1.1], [0.3])),
+        log_p(sensor, np.array([*(PLACES[0] - (1.0, 0.0)), 2.0]), Sightings([0], [NAN], [-2.0])),
+        log_p(sensor, np.array([*(PLACES[2] - (2.5, 0.0)), 0.0]), Sightings([2], [2.5], [NAN])),
+        log_p(sensor, np.array([*(PLACES[2] - (4.0, 0.0)), -3.0]), Sightings([2], [4.0], [3.0])),
+    ]
+    assert found == pytest.approx(wanted - sum(best))
+
+
+@every_sensor
+def test_what_is_just_as_expected_is_0_and_nothing_much_more(sensor):
+    z = expected(POSE, [0, 1, 2, 3])
+    assert sensor.log_likelihood(POSE, z) == pytest.approx(0.0, abs=1e-12)
+    x = PLACES[0][:, None] - np.outer([1.0, 0.0], np.linspace(3.0, 4.1, 500))
+    most = sensor.log_likelihood(x, Sightings([0], [4.0], [NAN])).max()
+    assert 0.0 < most <= 0.5 * sensor.sigma_relative**2
+
+
+@every_sensor
+def test_simulated_sightings_have_this_distribution(sensor):
+    """χ² of ranges and bearings that are drawn as the equation says."""
+    n, rng = 20_000, np.random.default_rng(5)
+    d, beta = np.hypot(2.2, 0.4), np.arctan2(0.4, 2.2) - POSE[2, 0]
+    sigma = np.hypot(sensor.sigma_range, sensor.sigma_relative * d)
+    wild = rng.random((2, n)) < sensor.p_outlier
+    r = np.where(wild[0], rng.uniform(0.0, sensor.range_max, n), rng.normal(d, sigma, n))
+    b = np.where(wild[1], rng.uniform(-3.0, 3.5, n), rng.normal(beta, sensor.sigma_bearing, n))
+    b[wild[1]] = rng.uniform(-np.pi, np.pi, wild[1].sum())
+    b = np.angle(np.exp(1j * b))
+
+    def p_of_range(v):
+        return sensor.range_density(v, np.array(d))
+
+    def p_of_bearing(v):
+        return sensor.bearing_density(v - beta)
+
+    cases = ((r, p_of_range, 0.0, sensor.range_max), (b, p_of_bearing, -np.pi, np.pi))
+    for values, density, low, high in cases:
+        blocks, nodes = 40, 200
+        at = low + (np.arange(blocks * nodes) + 0.5) * (high - low) / (blocks * nodes)
+        mass = n * density(at).reshape(blocks, nodes).mean(axis=1) * (high - low) / blocks
+        counts = np.histogram(values, blocks, (low, high))[0]
+        observed = np.append(counts, n - counts.sum())
+        wanted = np.append(mass, n - mass.sum())
+        often = wanted >= 5.0
+        pooled = [np.append(v[often], v[~often].sum()) for v in (observed, wanted)]
+        kept = pooled[1] > 1e-6
+        assert chisquare(pooled[0][kept], pooled[1][kept]).pvalue > 1e-4
+
+
+def test_the_posterior_is_that_of_a_grid():
+    """Poses spread evenly and weighed, against the equation on a lattice: mean place and mean
+    heading, within 4.5 standard errors.
+    """
+    rng = np.random.default_rng(6)
+    sensor = LandmarkModel(PLACES, sigma_range=0.2, sigma_relative=0.1, sigma_bearing=0.3)
+    z = Sightings([0, 3], [2.4, NAN], [-2.6, 0.7])
+    half = np.array([2.7, 1.8, np.pi])
+    axes = [
+        h * (2.0 * (np.arange(k) + 0.5) / k - 1.0) for h, k in zip(half, (54, 36, 60), strict=True)
+    ]
+    grid = np.stack([v.ravel() for v in np.meshgrid(*axes, indexing="ij")])
+    eps = sensor.p_outlier
+    p = np.ones(grid.shape[1])
+    for landmark, r, b in zip(z.landmark, z.range, z.bearing, strict=True):
+        to = (PLACES[landmark, 0] - grid[0]) + 1j * (PLACES[landmark, 1] - grid[1])
+        if not math.isnan(r):
+            sigma = np.sqrt(0.2**2 + 0.1**2 * np.abs(to) ** 2)
+            p *= (1 - eps) * norm.pdf(r, np.abs(to), sigma) + eps / sensor.range_max
+        off = np.angle(np.exp(1j * b) / (to / np.abs(to) * np.exp(-1j * grid[2])))
+        near = sum(norm.pdf(off + turn, 0.0, 0.3) for turn in (-2 * np.pi, 0.0, 2 * np.pi))
+        p *= (1 - eps) * near + eps / (2.0 * np.pi)
+    p /= p.sum()
+
+    def of(x):
+        return np.stack([x[0], x[1], np.cos(x[2]), np.sin(x[2]), x[0] ** 2, x[1] ** 2])
+
+    x = half[:, None] * rng.uniform(-1.0, 1.0, (3, 200_000))
+    w = np.exp(sensor.log_likelihood(x, z))
+    w /= w.sum()
+    wanted, found = of(grid) @ p, of(x) @ w
+    error = np.sqrt(((of(x) - wanted[:, None]) ** 2) @ w**2)
+    assert error.max() < 0.05  # or the comparison says nothing
+    assert (np.abs(found - wanted) < 4.5 * error + 0.002).all()
+
+
+def test_places_are_weighed_by_ranges_alone():
+    x = np.random.default_rng(7).uniform(-2.0, 2.0, (3, 100))
+    ranges = Sightings([0, 1, 2], [1.0, 3.0, 2.0], [NAN] * 3)
+    both = Sightings([0, 1, 2], [1.0, 3.0, 2.0], [0.1, NAN, NAN])
+    assert np.array_equal(SHARP.log_likelihood(x[:2], ranges), SHARP.log_likelihood(x, ranges))
+    assert np.array_equal(SHARP.explained(x[:2], ranges), SHARP.explained(x, ranges))
+    for ask in (SHARP.log_likelihood, SHARP.explained):
+        with pytest.raises(ConfigError, match="heading"):
+            ask(x[:2], both)
+
+
+@pytest.mark.parametrize("none", [NAN, 0.0, -1.0, np.inf, -np.inf, 8.01])
+def test_a_range_that_is_none_says_nothing(none):
+    x = np.random.default_rng(8).uniform(-2.0, 2.0, (3, 100))
+    z, without = (
+        Sightings([0, 2], [none, 2.0], [0.1, 0.2]),
+        Sightings([2, 0], [2.0, NAN], [0.2, 0.1]),
+    )
+    assert SHARP.log_likelihood(x, z) == pytest.approx(SHARP.log_likelihood(x, without), abs=1e-12)
+    assert SHARP.explained(x, z) == pytest.approx(SHARP.explained(x, without))
+    assert SHARP.readings(z) == SHARP.beams(z) == 3
+
+
+def test_an_empty_sighting_says_nothing():
+    x = np.zeros((3, 5))
+    for z in (Sightings([], [], []), Sightings([1], [NAN], [NAN])):
+        assert (SHARP.log_likelihood(x, z) == 0.0).all()
+        assert np.isnan(SHARP.explained(x, z)).all()
+        assert SHARP.beams(z) == 0
+        assert 0.0 < SHARP.readings(z) < 1e-6
+        assert SHARP.source(z) == "landmarks"
+    assert SHARP.source(Sightings([], [], [], "camera")) == "camera"
+
+
+def test_what_is_explained():
+    z = expected(POSE, [0, 2])
+    sigma = np.hypot(0.05, 0.1 * z.range)
+    off = np.array([0.14, 2.0 * np.pi - 0.16])
+    z = Sightings([0, 2], z.range + sigma * [2.9, 3.1], z.bearing + off)
+    assert SHARP.explained(POSE, z) == pytest.approx(0.5)
+    turned = POSE + np.array([[0.0], [0.0], [0.5]])
+    assert SHARP.explained(turned, z) == pytest.approx(0.25)
+
+
+@every_sensor
+def test_no_pose_and_no_sighting_is_impossible(sensor):
+    """p > 0 everywhere, also on a landmark, far away and after many turns."""
+    x = np.array([[2.7, 1e7, 0.0], [0.0, -1e7, 0.0], [0.0, 3.0, np.pi]])
+    z = Sightings([0, 0, 3], [1e-9, 5.0, 3.0], [3.1, -500.0, 0.0])
+    log_p = sensor.log_likelihood(x, z)
+    assert np.isfinite(log_p).all()
+    least = math.log(sensor.p_outlier / sensor.range_max) + math.log(sensor.p_outlier / (2 * np.pi))
+    assert (log_p > 3 * (least - 10.0)).all()
+
+
+@every_sensor
+def test_chunks_do_not_matter(sensor):
+    rng = np.random.default_rng(9)
+    x = rng.uniform(-2.0, 2.0, (3, 200))
+    z = Sightings(rng.integers(0, 4, 12), rng.uniform(0.1, 4.0, 12), rng.uniform(-3.0, 3.0, 12))
+    for ask in (sensor.log_likelihood, sensor.explained):
+        whole = ask(x, z)
+        assert whole.shape == (200,)
+        parts = [ask(x[:, a:b], z) for a, b in ((0, 1), (1, 78), (78, 200))]
+        assert np.array_equal(whole, np.concatenate(parts))
+
+
+@every_sensor
+def test_the_frame_of_the_map_does_not_matter(sensor):
+    frame = np.array([12.0, -7.0, 2.2])
+    x = np.random.default_rng(10).uniform(-2.0, 2.0, (3, 100))
+    places = compose(frame, np.column_stack([PLACES, np.zeros(4)]))[:, :2]
+    settings = {f.name: getattr(sensor, f.name) for f in parameters(sensor)}
+    moved = LandmarkModel(places, **settings)
+    z = Sightings([3, 0, 2, 2], [1.1, NAN, 2.5, 4.0], [0.3, -2.0, NAN, 3.0])
+    there = np.ascontiguousarray(compose(frame, x.T).T)
+    assert moved.log_likelihood(there, z) == pytest.approx(sensor.log_likelihood(x, z))
+
+
+WRONG = {
+    "sigma_range": 0.0,
+    "sigma_relative": -0.1,
+    "sigma_bearing": 2.1,
+    "range_max": np.inf,
+    "p_outlier": 0.0,
+}
+
+
+@pytest.mark.parametrize(("name", "value"), WRONG.items())
+def test_a_parameter_that_cannot_be_is_refused(name, value):
+    with pytest.raises(ConfigError, match=name):
+        LandmarkModel(PLACES, **{name: value})
+
+
+@pytest.mark.parametrize("places", [PLACES.T[:, :3], [1.0, 2.0], [[0.0, NAN]]])
+def test_a_map_that_cannot_be_is_refused(places):
+    with pytest.raises(ConfigError, match="places"):
+        LandmarkModel(places)
+
+
+@pytest.mark.parametrize("landmark", [-1, 4])
+def test_a_landmark_that_is_not_in_the_map_is_refused(landmark):
+    z = Sightings([0, landmark], [1.0, 1.0], [0.0, 0.0])
+    for ask in (SHARP.log_likelihood, SHARP.explained):
+        with pytest.raises(ConfigError, match=f"landmark {landmark}"):
+            ask(POSE, z)
+
+
+@pytest.mark.parametrize("wrong", [([0], [1.0, 2.0], [0.0]), (0, 1.0, 0.0), ([0.5], [1.0], [0.0])])
+def test_sightings_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        Sightings(*wrong)
