@@ -23,7 +23,7 @@ from real_logs_tables import tables
 from mcloc import __version__
 from mcloc.config import RunConfig, limited
 from mcloc.evaluation.convergence import found, recoveries
-from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.errors import pose_errors, with_withheld
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.io.tum import read_trajectory
 from mcloc.report import Run, accuracy_of, summarize
@@ -102,7 +102,8 @@ class Job:
             run.log, run.truth, kidnappings = moved, moved.truth, moved.kidnappings
         for _ in run:
             pass
-        errors = pose_errors(run.history.trajectory, run.truth)
+        t, told = run.history.wheels.t, run.history.trajectory
+        errors = with_withheld(pose_errors(told, run.truth), run.truth, (t[0], t[-1]))
         moves = find_kidnappings(errors.t, errors.reference, run.history.wheels, kidnappings)
         summary = summarize(run, accuracy_of(run))
         return {

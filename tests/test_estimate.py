@@ -1,9 +1,14 @@
 """Hypotheses: two modes are two, one is one, angles are averaged around the circle."""
 
+import math
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
-from mcloc.estimate import LEAST_SHARE, cluster, hypotheses
+from mcloc.estimate import LEAST_SHARE, away, cluster, hypotheses
 from mcloc.geometry import wrap
 from mcloc.particles import Particles
 from mcloc.sample_size import KLD
@@ -129,3 +134,50 @@ def test_every_particle_is_in_one_cluster_whatever_the_order():
     shuffled = cluster(Particles.equal(x[:, order]), SE2)
     assert set(labels) == set(range(labels.max() + 1))
     assert len({*zip(labels[order], shuffled, strict=True)}) == labels.max() + 1
+
+
+def test_away_is_the_share_that_is_farther_than_a_metre_from_the_mean():
+    """Against exact sums; headings and their mean say nothing."""
+    rng = np.random.default_rng(7)
+    particles = Particles.normalized(
+        cloud(rng, (40.0, -20.0, 3.0), (0.6, 0.4, 2.0)), rng.standard_normal(N)
+    )
+    w, (x, y, _) = particles.weights, particles.states
+    middle = math.fsum(w * x), math.fsum(w * y)
+    far = np.hypot(x - middle[0], y - middle[1]) > 1.0
+    assert 0.05 < w[far].sum() < 0.5
+    assert away(particles, SE2) == pytest.approx(w[far].sum(), abs=1e-12)
+    one_place = Particles.equal(np.ones((3, N)) * np.array([[1e3], [1e3], [1.0]]))
+    assert away(one_place, SE2) == 0.0
+
+
+BESIDE = """
+import numpy as np
+from mcloc.estimate import away
+from mcloc.filters.place_belief import _moments
+from mcloc.particles import Particles
+from mcloc.statespace import SE2
+
+rng = np.random.default_rng(1)
+for _ in range(20):
+    half = rng.random(50_000)
+    order = rng.permutation(100_000)
+    x = np.zeros((3, 100_000))
+    x[0] = np.repeat([6.0, 8.0], 50_000)[order]
+    print(away(Particles.normalized(x, np.log(np.tile(half, 2)[order])), SE2))
+mean, covariance = _moments(rng.normal(size=(3, 100_000)), rng.random(100_000))
+print(mean.tobytes().hex(), covariance.tobytes().hex())
+"""
+
+
+def test_how_many_threads_linear_algebra_has_does_not_matter():
+    """All particles are a metre from the mean: how it is rounded decides which are farther."""
+    found = []
+    for threads in ("1", "2", "3"):
+        env = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        made = subprocess.run(
+            [sys.executable, "-c", BESIDE], env=env, capture_output=True, text=True, check=True
+        )
+        found.append(made.stdout)
+    assert len(set(found[0].split()[:20])) > 1
+    assert found[0] == found[1] == found[2]

@@ -68,10 +68,13 @@ def cluster(particles: Particles, space: StateSpace) -> NDArray[np.intp]:
 
 def away(particles: Particles, space: StateSpace) -> float:
     """How much of a belief lies farther than ONE_PLACE from its mean, along the straight axes."""
-    straight = particles.states[~np.array(space.circular)]
-    apart = straight - (straight @ particles.weights)[:, None]
-    far = (apart * apart).sum(axis=0) > ONE_PLACE**2
-    return float(particles.weights[far].sum())
+    w, squares = particles.weights, np.zeros(len(particles))
+    for x, circular in zip(particles.states, space.circular, strict=True):
+        if not circular:
+            # Not a matrix product: BLAS may add in another order with other threads.
+            apart = x - np.einsum("n,n->", x, w)
+            squares += np.square(apart, out=apart)
+    return float(w[squares > ONE_PLACE**2].sum())
 
 
 class _Histogram:

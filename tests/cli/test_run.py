@@ -31,7 +31,7 @@ FILES = {
 SUMMARY = {
     *("version", "map", "log", "seed", "filter", "sensor", "motion", "scans", "updates"),
     *("duration_s", "distance_m", "realtime_factor", "update_ms", "particles", "ignored"),
-    *("final", "accuracy"),
+    *("final", "withheld", "accuracy"),
 }
 ACCURACY = {
     *("position_median_m", "position_rmse_m", "position_p95_m", "position_max_m"),
@@ -106,7 +106,7 @@ def test_summary_agrees_with_the_tables(tracked: Path, drive: Path) -> None:
     assert summary["distance_m"] == pytest.approx(driven, rel=0.1)
     assert summary["realtime_factor"] > 0.0
     assert summary["particles"]["max"] == max(int(row["n_particles"]) for row in estimates)
-    assert summary["ignored"] == {}
+    assert (summary["ignored"], summary["withheld"]) == ({}, 0.0)
     for axis in ("x", "y", "theta"):
         assert summary["final"][axis] == pytest.approx(float(estimates[-1][axis]), abs=1e-6)
         assert summary["final"]["hypotheses"][0][axis] == summary["final"][axis]

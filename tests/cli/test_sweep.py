@@ -79,6 +79,43 @@ def test_starts_search_from_several_moments(
     assert [row["start"] for row in rows_of(tmp_path)] == ["0", "1", "2"] * 2
 
 
+def test_filters_that_need_a_start_or_a_real_map_can_be_varied(
+    mcloc: Mcloc, files: list[object], tmp_path: Path
+) -> None:
+    """A Kalman filter does not search, and no robot has a place on a map of a square metre."""
+    done = mcloc(
+        *("sweep", *files, "--vary", "filter=kalman,topological,grid-proposal"),
+        *("--seeds", 1, "--jobs", 1, "--out", tmp_path / "out"),
+    )
+    assert (done.code, done.stderr) == (0, "")
+    rows = rows_of(tmp_path / "out")
+    assert [row["filter"] for row in rows] == ["kalman", "topological", "grid-proposal"]
+    assert [row["error"] for row in rows] == ["", "", ""]
+    assert [float(row["withheld"]) for row in rows] == [0.0, 0.0, 0.0]
+
+
+def test_what_only_the_real_map_or_start_shows_is_told_before_anything_is_run(
+    mcloc: Mcloc, files: list[object], tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """A grid that is too large for this map, and a search with a filter that cannot."""
+    large = mcloc(
+        *("sweep", *files, "--vary", "filter=markov-grid", "--vary", "filter.memory=4000,30"),
+        *("--out", tmp_path / "out"),
+    )
+    assert large.code == 2
+    assert "more than filter.memory = 30 MB" in large.stderr
+    folder = tmp_path_factory.mktemp("longer")
+    mcloc("simulate", "--length", 22, "--seed", 1, "--format", "carmen", "--out", folder)
+    lost = mcloc(
+        *("sweep", "--map", folder / "map.yaml", "--log", folder / "log.gz"),
+        *("--truth", folder / "truth.csv", "--vary", "filter=mixture,kalman"),
+        *("--starts", 2, "--out", tmp_path / "out"),
+    )
+    assert lost.code == 2
+    assert lost.stderr.startswith("error: a Kalman filter follows one Gaussian and cannot search")
+    assert not (tmp_path / "out").exists()
+
+
 def test_teleports_tell_how_soon_the_robot_is_found(
     mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
 ) -> None:

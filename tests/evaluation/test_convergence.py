@@ -116,6 +116,43 @@ def test_the_path_of_a_stretch_ends_where_the_next_kidnapping_begins() -> None:
     assert [r.path_m for r in a.recoveries] == [2.5, 1.0]
 
 
+# Scans for which no pose was told
+
+
+def withholding(told: slice, scans: tuple[int, int] | None, n: int = 12) -> Accuracy:
+    """A drive along x, 0.75 m every 2 s from 10 s on, with good estimates at some references only.
+    scans: which references the first and the last scan were at.
+    """
+    t = 10.0 + 2.0 * np.arange(n)
+    reference = np.column_stack([0.75 * np.arange(n), np.zeros((n, 2))])
+    ends = None if scans is None else (float(t[scans[0]]), float(t[scans[1]]))
+    estimate = Trajectory(t[told], reference[told])
+    return evaluate(estimate, Trajectory(t, reference), kidnappings=(25.0,), scans=ends)
+
+
+def test_time_counts_from_the_first_scan_though_no_pose_was_told() -> None:
+    """Kidnapped at 25 s, before the reference at 26 s, while nothing is told before 30 s."""
+    a = withholding(slice(10, 20), (0, 19), n=20)
+    assert a.recoveries == (Recovery(25.0, recovered=True, path_m=8.25, after_s=5.0, after_m=1.5),)
+    assert converged(a) == (True, 5.0, 1.5)
+    assert a.position_max_m == 0.0
+    # Who does not know of the scans sees neither the kidnapping nor the search.
+    a = withholding(slice(10, 20), None, n=20)
+    assert (converged(a), a.recoveries) == ((True, 0.0, 0.0), ())
+
+
+def test_who_tells_no_pose_at_the_end_is_not_localized() -> None:
+    a = withholding(slice(0, 7), (0, 11))
+    assert a.recoveries == (Recovery(25.0, recovered=False, path_m=2.25),)
+    assert converged(a) == (False, None, None)
+    assert a.position_max_m == 0.0
+
+
+def test_scans_that_all_have_a_pose_change_nothing() -> None:
+    """Nor do references beyond the scans."""
+    assert withholding(slice(2, 12), (2, 11)) == withholding(slice(2, 12), None)
+
+
 # Found, whatever comes later
 
 

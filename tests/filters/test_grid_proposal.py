@@ -274,10 +274,28 @@ def test_scans_without_an_estimate_are_counted(drive):
     localizer = Localizer(drive.grid, composed(200, collapsed=1e-9), seed=1, policy=EVERY_SCAN)
     assert list(localizer.run(events)) == []
     assert localizer.ignored == {WITHHELD: 40}
+    localizer.process(events[0])  # late
+    assert localizer.withheld == []
     told = Localizer(drive.grid, composed(200), seed=1, policy=EVERY_SCAN)
     estimates = list(told.run(events))
     assert len(estimates) + told.ignored[WITHHELD] == 40
     assert len(estimates) > 30
+
+
+def test_the_scans_of_an_event_without_an_estimate_are_told(drive):
+    """Two lasers: a scan waits for older ones of the other, and comes with it."""
+    localizer = Localizer(drive.grid, composed(200, collapsed=1e-9), seed=1, policy=EVERY_SCAN)
+    found = []
+    for event in drive.events[:6]:
+        for source in ("one", "other"):
+            assert localizer.process(replace(event, source=source)) == []
+            found += localizer.withheld
+    localizer.finish()
+    found += localizer.withheld
+    assert [t for t, _ in found] == [event.t for event in drive.events[:6] for _ in range(2)]
+    expected = [event.odometry for event in drive.events[:6] for _ in range(2)]
+    assert np.array_equal([odometry for _, odometry in found], expected)
+    assert localizer.ignored[WITHHELD] == 12
 
 
 def test_a_seed_gives_the_same_with_any_number_of_threads(carried, set_threads):
@@ -319,6 +337,9 @@ def test_another_map_keeps_the_samples(drive):
     localizer.swap_map(yee.yee_world())
     assert localizer.belief.particles is before.particles
     assert localizer.belief.evidence == {}
+    # Likelihoods on two maps do not compare: nothing is drawn because of those on the other one.
+    assert localizer.belief.average == localizer.filter.threshold != before.average
+    assert localizer.filter.share_of_scan(localizer.belief) == 0.0
     assert len(list(localizer.run(drive.events[10:20]))) == 10
 
 

@@ -1,6 +1,7 @@
 """Grid-based Markov localization against Bayes' rule by enumeration, and on simulated drives."""
 
 import itertools
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from mcloc.errors import ConfigError, FilterError
 from mcloc.events import Scan
 from mcloc.filters.catalog import Composition
 from mcloc.filters.grid_taps import taps
-from mcloc.filters.markov_grid import LOOKS, MarkovGridFilter
+from mcloc.filters.markov_grid import LOOKS, MarkovGridFilter, most_bytes
 from mcloc.geometry import compose, wrap
 from mcloc.localizer import Localizer
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -238,6 +239,18 @@ def test_a_start_is_where_it_should_be_also_if_it_is_narrower_than_a_cell(deviat
     assert (spread >= expected - side / 2).all()
 
 
+def test_a_uniform_start_without_the_middle_of_a_cell_in_free_space_is_refused():
+    """A corridor of 0.3 m between the middles of cells of 1 m."""
+    cells = np.full((40, 40), OCCUPIED, dtype=np.int8)
+    cells[:, 11:14] = FREE
+    narrow = OccupancyGrid(cells, 0.1, np.zeros(3), name="narrow")
+    filtered = grid_filter(cell=1.0, grid=narrow)
+    with pytest.raises(ConfigError, match=r"narrow: no cell of 1 m has .* a smaller filter\.cell"):
+        filtered.start(filtered.environment, Draws(1))
+    fine = grid_filter(cell=0.2, grid=narrow)
+    assert fine.start(fine.environment, Draws(1)).cells.sum() == pytest.approx(1.0)
+
+
 def test_a_start_off_the_grid_is_refused():
     filtered = grid_filter()
     with pytest.raises(ConfigError, match="room: the start lies nowhere on the map"):
@@ -249,11 +262,57 @@ def test_a_start_off_the_grid_is_refused():
 
 def test_a_grid_that_takes_too_much_memory_is_refused_with_what_would_help():
     office = office_world(1)
-    small = Composition("markov-grid", settings={"filter": {"memory": 10.0}})
-    with pytest.raises(ConfigError, match=r"filter\.memory = 10 MB; .*filter\.cell.*headings"):
+    small = Composition("markov-grid", settings={"filter": {"memory": 40.0}})
+    with pytest.raises(ConfigError, match=r"filter\.memory = 40 MB; .*filter\.cell.*headings"):
         small.build(office)
-    coarse = {"memory": 10.0, "cell": 0.8, "headings": 24}
+    coarse = {"memory": 40.0, "cell": 0.8, "headings": 24}
     assert Composition("markov-grid", settings={"filter": coarse}).build(office)
+
+
+def peak(filtered, scan, steps=2):
+    """Bytes of the steps of a robot that may be anywhere, with all cells active."""
+    bel = filtered.start(filtered.environment, Draws(1))
+    tracemalloc.start()
+    for step in range(1, steps + 1):
+        after, _ = filtered.step(bel, MOVES[0], scan, Draws(1, step))
+        filtered.hypotheses(after)
+        bel = after
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(bel.particles) > 0.99 * bel.cells.size
+    return most
+
+
+@pytest.mark.parametrize(
+    ("side", "cell", "headings"),
+    [(9.0, 0.1, 90), (14.0, 0.2, 90), (14.0, 0.2, 24), (24.0, 0.5, 24)],
+)
+def test_a_step_takes_no_more_memory_than_it_is_refused_for(side, cell, headings):
+    """On a map that is all free, by scans that say nothing. Beside that, it takes 20 MB for the
+    poses that are looked at together.
+    """
+    n = round(side / 0.1)
+    grid = OccupancyGrid(np.full((n, n), FREE, dtype=np.int8), 0.1, np.zeros(3), name="free")
+    settings = {"filter": {"cell": cell, "headings": headings, "active": 1e-9}}
+    filtered = Composition("markov-grid", settings=settings).build(grid)
+    nothing = Scan(0.0, np.full(20, np.nan), np.linspace(-1.5, 1.5, 20), 10.0)
+    most = most_bytes(filtered.lattice)
+    assert 0.7 * most < peak(filtered, nothing) < most + 20e6
+    refused = {"filter": {**settings["filter"], "memory": 0.99e-6 * most}}
+    with pytest.raises(ConfigError, match=r"filter\.memory"):
+        Composition("markov-grid", settings=refused).build(grid)
+
+
+@pytest.mark.parametrize("ranges", ["exact", "table"])
+def test_the_sensor_model_is_the_one_that_was_chosen(ranges):
+    """And so the one that config.yaml names."""
+    chosen = Composition("markov-grid", sensor="beam-yee", settings={"sensor": {"ranges": ranges}})
+    assert chosen.build(room()).sensor.ranges == ranges
+
+
+def test_near_1_no_cell_of_a_robot_that_may_be_anywhere_would_be_active():
+    with pytest.raises(ConfigError, match=r"filter\.active = 0\.999 must be > 0 and <= 0\.5"):
+        Composition("markov-grid", settings={"filter": {"active": 0.999}}).build(room())
 
 
 @pytest.fixture(scope="module")

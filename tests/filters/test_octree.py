@@ -1,5 +1,7 @@
 """The octree of poses: its leaves, and what it believes against MCL and on simulated drives."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from tests.filters.test_grid_agreement import (
@@ -17,9 +19,10 @@ from tests.filters.test_grid_agreement import (
 from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError, FilterError
+from mcloc.events import Scan
 from mcloc.filters.catalog import Composition
 from mcloc.filters.octree import OctreeFilter
-from mcloc.filters.octree_leaves import AT_ONCE, Leaves, divided, looks, tree_of
+from mcloc.filters.octree_leaves import AT_ONCE, Leaves, divided, looks, most_bytes, tree_of
 from mcloc.filters.recovery import Augmented
 from mcloc.geometry import compose, wrap
 from mcloc.localizer import Localizer
@@ -27,7 +30,7 @@ from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.pose_lattice import PoseLattice
 from mcloc.motion import MOTIONS
 from mcloc.samplers.pose_boxes import PARTS, PoseBoxes
-from mcloc.simulation import Scenario, office_drive, office_world, simulate
+from mcloc.simulation import Scenario, museum_world, office_drive, office_world, simulate
 
 MOTION = MOTIONS.make("odometry", **NOISE["odometry"])
 
@@ -342,7 +345,43 @@ def errors(drive, found):
     return np.hypot(*(np.array([e.pose for e in found]) - drive.truth.at(t))[:, :2].T)
 
 
-def test_it_finds_a_robot_anywhere_and_tracks_it_in_little_memory(drive):
+@pytest.mark.parametrize(
+    ("side", "cell", "most"), [(6.0, 0.1, 1e-5), (14.0, 0.1, 2e-5), (30.0, 0.2, 1e-5)]
+)
+def test_a_step_takes_no_more_memory_than_it_is_refused_for(side, cell, most):
+    """While the robot may be anywhere on a map that is all free, by scans that say nothing. Beside
+    that, it takes 30 MB for the poses that are looked at together.
+    """
+    n = round(side / 0.1)
+    grid = OccupancyGrid(np.full((n, n), FREE, dtype=np.int8), 0.1, np.zeros(3), name="free")
+    settings = {"filter": {"cell": cell, "most": most}}
+    filtered = Composition("octree", settings=settings).build(grid)
+    nothing = Scan(0.0, np.full(20, np.nan), np.linspace(-1.5, 1.5, 20), 10.0)
+    bel = filtered.start(filtered.environment, Draws(1))
+    tracemalloc.start()
+    for step in range(1, 4):
+        after, _ = filtered.step(bel, np.array([0.3, 0.0, 0.2]), nothing, Draws(1, step))
+        filtered.hypotheses(after)
+        bel = after
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    allowed = most_bytes(filtered.boxes, most, filtered.deepest)
+    assert 0.3 * allowed < peak < allowed + 30e6
+    refused = {"filter": {**settings["filter"], "memory": 0.99e-6 * allowed}}
+    with pytest.raises(ConfigError, match=r"free: filter\.most = .* use a larger filter\.most"):
+        Composition("octree", settings=refused).build(grid)
+
+
+@pytest.mark.parametrize("world", [office_world, museum_world])
+def test_the_defaults_suit_floors_and_finer_trees_are_refused(world):
+    """A tree of 100 million leaves, of which each takes 200 bytes or more."""
+    assert Composition("octree").build(world(1))
+    fine = Composition("octree", settings={"filter": {"most": 1e-8, "cell": 0.02}})
+    with pytest.raises(ConfigError, match=r"filter\.memory = 4000 MB; use a larger filter\.most"):
+        fine.build(world(1))
+
+
+def test_it_finds_a_robot_anywhere_and_tracks_it_with_few_leaves(drive):
     localizer, found = estimates(drive)
     wrong = errors(drive, found)
     assert np.median(wrong) < 0.1

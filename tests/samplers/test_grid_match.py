@@ -110,6 +110,28 @@ def test_a_component_has_the_place_and_heading_that_it_saw_the_scan_from(field, 
     assert right >= enough
 
 
+def test_a_point_expects_what_sonars_measure_there():
+    """With the cone of the sensor model the scan of a point differs from its ring by rounding; a
+    model of a laser sees rays, to the last bit.
+    """
+    sonars = replace(SONARS, cone=np.deg2rad(20.0), sigma=0.0, missing=0.0, range_max=3.0)
+    grid = walled()
+    with_cone = GridMatch(grid, SENSORS.make("beam-yee", grid, cone=sonars.cone), FreeSpace(grid))
+    laser = GridMatch(grid, SENSORS.make("beam-yee", grid), FreeSpace(grid))
+    field = GridMatch(grid, LikelihoodField(grid), FreeSpace(grid))
+    places, right = with_cone._points.T[::20], [0, 0]
+    for n, z in enumerate(scans_of(grid, sonars, places)):
+        for k, match in enumerate((with_cone, laser)):
+            turns, apart = match._rings_of(z).match(z)
+            right[k] += turns[20 * n] == 0 and apart[20 * n] == apart.min()
+    plain = field._rings_of(z).rings
+    assert np.array_equal(laser._rings_of(z).rings, plain)
+    assert not np.array_equal(with_cone._rings_of(z).rings, plain)
+    assert len(places) > 20
+    assert right[0] > 0.9 * len(places)
+    assert right[1] < 0.5 * len(places)
+
+
 def test_weights_are_means_of_the_likelihood_over_the_components():
     """Each against a hundred times as many other poses of the same component."""
     match = match_of(walled(), components=40, looks=400)

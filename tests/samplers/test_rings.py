@@ -72,6 +72,41 @@ def test_rings_are_what_a_sensor_sees_all_around(count):
     assert np.mean(apart <= 0.51) > 0.99
 
 
+@pytest.mark.parametrize("cone", np.deg2rad([4.0, 20.0, 90.0]))
+@pytest.mark.parametrize("reach", [1.5, REACH])
+def test_rings_of_sonars_are_of_the_nearest_wall_in_the_cone(cone, reach):
+    """By the simulator's own rays, 1 degree apart, from one edge of the cone to the other."""
+    grid = room()
+    places = places_in(grid, 12)
+    rings = Rings(grid, places, 90, reach, cone)
+    half = round(np.rad2deg(cone) / 2.0)
+    seen = ranges(grid, places.T, np.deg2rad(np.arange(360.0)), reach)
+    fan = [np.roll(seen, aside, axis=1) for aside in range(-half, half + 1)]
+    nearest = np.minimum(np.min(fan, axis=0), reach)
+    # Sector 0 lies half on either side of the place's heading: from -2 to 1 degrees.
+    means = np.log1p(np.roll(nearest, 2, axis=1)).reshape(12, 90, 4).mean(axis=2)
+    apart = np.abs(rings.rings - means / np.log1p(reach) * STEPS)
+    assert np.median(apart) <= 0.5
+    assert np.mean(apart <= 0.51) > 0.97
+    plain = Rings(grid, places, 90, reach).rings
+    assert (rings.rings <= plain).all()
+    assert (rings.rings < plain).any()
+
+
+def test_a_part_of_a_cone_that_leaves_the_map_is_left_out():
+    """A wall on one side only: what sees it within 10 degrees has its range, the rest the reach."""
+    cells = np.full((40, 40), FREE, dtype=np.int8)
+    cells[:, 39] = OCCUPIED
+    grid = OccupancyGrid(cells, 0.1, np.zeros(3))
+    ring = Rings(grid, np.array([[2.0], [2.0], [0.0]]), 90, REACH, np.deg2rad(20.0)).rings[0]
+    metres = np.expm1(ring / STEPS * np.log1p(REACH))
+    assert metres[0] == pytest.approx(1.9, rel=0.02)
+    # The wall ends at 46 degrees to both sides.
+    beyond = np.abs(wrap(np.arange(90) * np.deg2rad(4.0))) > np.deg2rad(46.0 + 10.0 + 2.0)
+    assert (ring[beyond] == STEPS).all()
+    assert (ring[~beyond] < STEPS).all()
+
+
 @pytest.mark.parametrize(
     ("field", "enough"),
     [("half", 50), ("all around", 50), ("backwards", 50), ("16 sonars", 42), ("60 degrees", 15)],

@@ -31,6 +31,9 @@ def _lines(summary: dict[str, Any], out: Path, pictures: Iterable[Path]) -> Iter
         yield f"{'' if k else 'final pose':10} {_pose(h)}, share {_percent(h['share'])} %"
     if not summary["final"]["hypotheses"]:
         yield "final pose none: the filter withholds its estimate"
+    if summary["withheld"]:
+        share = _percent(summary["withheld"])
+        yield f"withheld   the estimate at {share} % of the scans; errors are those of the others"
     if summary["accuracy"] is not None:
         yield from _accuracy(summary["accuracy"])
     yield f"results    {out}"

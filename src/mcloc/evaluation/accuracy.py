@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mcloc.evaluation.consistency import nees_median
 from mcloc.evaluation.convergence import Recovery, recoveries
-from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.errors import pose_errors, with_withheld
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.trajectory import Trajectory
 
@@ -22,7 +22,8 @@ class Accuracy:
 
     lost_fraction: the share of time with a position error above 0.5, 1 and 2 m. converged,
     time_to_converge_s and distance_to_converge_m speak of the stretch after the last kidnapping, or
-    of the whole run. recoveries: one for each kidnapping. None where unknown.
+    of the whole run, from its first scan on. recoveries: one for each kidnapping. None where
+    unknown.
     """
 
     position_median_m: float
@@ -53,19 +54,22 @@ def evaluate(
     *,
     odometry: Trajectory | None = None,
     kidnappings: Sequence[float] = (),
+    scans: tuple[float, float] | None = None,
 ) -> Accuracy:
     """Compare an estimate with the truth, both in the map frame.
 
     odometry: the wheels' poses in their own frame; with it kidnappings are detected. kidnappings:
-    stamps of those that were injected, seconds. Definitions: `errors`, `kidnapping`,
-    `convergence`, `consistency`.
+    stamps of those that were injected, seconds. scans: stamps of the first and the last scan; a
+    filter that told no pose at the first ones or the last ones was not localized there; None: it
+    told one at all of them. Definitions: `errors`, `kidnapping`, `convergence`, `consistency`.
 
     Raises TruthError if no reference stamp lies within the estimate.
     """
     errors = pose_errors(estimate, reference)
     position, heading = errors.position, np.degrees(errors.heading)
-    moved = find_kidnappings(errors.t, errors.reference, odometry, kidnappings)
-    stretches = recoveries(errors, moved)
+    whole = errors if scans is None else with_withheld(errors, reference, scans)
+    moved = find_kidnappings(whole.t, whole.reference, odometry, kidnappings)
+    stretches = recoveries(whole, moved)
     last = stretches[-1]
     return Accuracy(
         position_median_m=float(np.median(position)),

@@ -95,6 +95,24 @@ def pose_errors(estimate: Trajectory, reference: Trajectory) -> PoseErrors:
     return PoseErrors(t, truth, difference, blend(estimate.covariances), blend(estimate.share))
 
 
+def with_withheld(
+    errors: PoseErrors, reference: Trajectory, scans: tuple[float, float]
+) -> PoseErrors:
+    """The same with the references before and after them from the first to the last scan, for which
+    no pose was told: there the estimate is infinitely far off, and has no covariance and share.
+
+    scans: stamps of the first and the last scan, not after the first and before the last estimate.
+    """
+    first, last = scans
+    heard = (reference.t >= first - STAMP_TOLERANCE) & (reference.t <= last + STAMP_TOLERANCE)
+    t, truth = reference.t[heard], reference.poses[heard]
+    if len(t) == len(errors.t):
+        return errors
+    difference = np.full(truth.shape, np.inf)
+    difference[np.isin(t, errors.t)] = errors.difference
+    return PoseErrors(t, truth, difference, None, None)
+
+
 def _neighbours(
     estimate: Trajectory, reference: Trajectory, t: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:

@@ -17,14 +17,13 @@ from mcloc.config import CHOICES, RunConfig, limited, merged
 from mcloc.errors import ConfigError, TruthError
 from mcloc.evaluation import evaluate
 from mcloc.evaluation.convergence import recoveries
-from mcloc.evaluation.errors import pose_errors
+from mcloc.evaluation.errors import pose_errors, with_withheld
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.events import Scan
 from mcloc.experiments.table import Record, Setting, Value
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
 from mcloc.io.tum import read_trajectory
-from mcloc.maps.occupancy import FREE, OccupancyGrid
 from mcloc.registry import suggest
 from mcloc.report import Run
 from mcloc.simulation.moments import GAP
@@ -75,14 +74,7 @@ class Sweep:
 
 def run(sweep: Sweep, setting: Setting, seed: int) -> Record:
     """One run; its accuracy and speed."""
-    config = sweep.config(setting, seed)
-    truth = covered_truth(config)
-    begun: dict[str, Any] = {"start": float(truth.t[0]) - BEFORE}
-    if sweep.starts:
-        begun["start"] = moments(truth, sweep.starts)[int(setting[START])] - BEFORE
-    else:
-        begun["initial"] = tuple(map(float, truth.poses[0]))
-    made = Run(replace(config, **begun))
+    made, truth = _begun(sweep, setting, seed)
     made.truth = truth
     kidnappings: tuple[float, ...] = ()
     if sweep.teleports:
@@ -93,12 +85,27 @@ def run(sweep: Sweep, setting: Setting, seed: int) -> Record:
     return _record(made, made.truth, kidnappings)
 
 
+def _begun(sweep: Sweep, setting: Setting, seed: int | None = None) -> tuple[Run, Trajectory]:
+    """A run before its first event, and the truth of the part of the log that is used."""
+    config = sweep.config(setting, seed)
+    truth = covered_truth(config)
+    begun: dict[str, Any] = {"start": float(truth.t[0]) - BEFORE}
+    if sweep.starts:
+        begun["start"] = moments(truth, sweep.starts)[int(setting[START])] - BEFORE
+    else:
+        begun["initial"] = tuple(map(float, truth.poses[0]))
+    return Run(replace(config, **begun)), truth
+
+
 def _record(made: Run, truth: Trajectory, kidnappings: tuple[float, ...]) -> Record:
-    history = made.history
-    accuracy = evaluate(history.trajectory, truth, odometry=history.wheels, kidnappings=kidnappings)
-    errors = pose_errors(history.trajectory, truth)
-    moved = find_kidnappings(errors.t, errors.reference, history.wheels, kidnappings)
-    start, *others = recoveries(errors, moved)
+    history, wheels = made.history, made.history.wheels
+    scans = float(wheels.t[0]), float(wheels.t[-1])
+    accuracy = evaluate(
+        history.trajectory, truth, odometry=wheels, kidnappings=kidnappings, scans=scans
+    )
+    whole = with_withheld(pose_errors(history.trajectory, truth), truth, scans)
+    moved = find_kidnappings(whole.t, whole.reference, wheels, kidnappings)
+    start, *others = recoveries(whole, moved)
     t, seconds, particles = history.updates.table.T
     # The first update of a process loads the kernels, or compiles them.
     took = made.wall_time - seconds[0] + np.median(seconds)
@@ -109,6 +116,7 @@ def _record(made: Run, truth: Trajectory, kidnappings: tuple[float, ...]) -> Rec
         "lost": accuracy.lost_fraction["1"],
         "converged": start.recovered,  # up to the first kidnapping, if the log holds one
         "converged_after_m": start.after_m,
+        "withheld": history.share_withheld,
         "drawn": float(np.median(particles)),
         "update_ms": float(1e3 * np.median(seconds)),
         "realtime": float((t[-1] - t[0]) / took),
@@ -189,15 +197,8 @@ def checked(sweep: Sweep) -> None:
         both |= {"size.particles", "size.maximum"} & (fixed | set(sweep.vary))
     if both:
         raise ConfigError(f"{', '.join(sorted(both))} is given twice: vary it, or set it")
-    free = OccupancyGrid(np.full((9, 9), FREE, dtype=np.int8), 0.1, np.zeros(3), name="map")
     for values in itertools.product(*sweep.vary.values()):
-        config = sweep.config(dict(zip(sweep.vary, values, strict=True)))
-        # Values out of range are found where parts are built, on whatever map.
-        _ = config.composition.build(free), config.policy, config.replay_pace
-    Run(config)
-    truth = covered_truth(config)
-    if sweep.starts:
-        moments(truth, sweep.starts)
+        _begun(sweep, {**dict(zip(sweep.vary, values, strict=True)), START: 0})
 
 
 def inputs(sweep: Sweep) -> list[Path]:

@@ -38,6 +38,7 @@ METRICS = {
     "rmse_m": "position RMSE, m",
     "heading_deg": "median heading error, °",
     "lost": "share of time > 1 m off",
+    "withheld": "share of scans without a pose",
     "drawn": "median particles",
     "update_ms": "update, ms",
     "realtime": "× real time",
@@ -73,8 +74,9 @@ def study(sweep: Sweep, seeds: int, command: str) -> Study:
 
 
 ABOUT = """
-Errors are those of `mcloc eval`: at each stamp of the truth, in the map frame, without alignment.
-*Converged*: off by less than 0.5 m and 10° from some moment on, to the end. Speed is that of one
+Errors are those of `mcloc eval`: at each stamp of the truth, in the map frame, without alignment,
+from the first to the last pose that a filter told. *Converged*: off by less than 0.5 m and 10° from
+some moment on, to the end, counted from the first scan. Speed is that of one
 thread on the machine, or machines, that made the runs. Runs of one start are not independent of
 each other, and no more are seeds of the same log: an interval tells how sure the figure is for this
 log, not for others.

@@ -46,8 +46,12 @@ FILTERS = f"""
   never tells a pose counts as lost throughout in both. The position error is that of the other
   scans.
 - *{MCL}* starts with samples all over the floor, as many as it goes on with, and has no random
-  ones. *{RENEWING}* is mcloc's `grid-proposal`, as in the paper. The estimate of all filters is the
-  mean of the largest mode, not of all samples. Each scan is used, and counts in full.
+  ones. *{RENEWING}* is mcloc's `grid-proposal`. The estimate of all filters is the mean of the
+  largest mode, not of all samples. Each scan is used, and counts in full.
+- Its q(x | z) is that of mcloc's `grid-match`, with defaults that were found on recorded logs, not
+  here. It differs from the paper's: a component's weight is the mean of p(z | x) over 8 poses
+  around its point, where the paper has p(z | μ_i); deviations are 0.4 of the spacing in the plane,
+  and 1.6° in heading at any spacing; and a tenth of q is uniform, which bounds the weights.
 - What the paper leaves out was chosen once, with six runs a path of seeds that are not the study's:
   - α = {ALPHA:g}: a robot that is kidnapped once in a run of some 120 scans.
   - The maximum likelihood is that of a reading: the highest p(z | x)^(1/16) of a sample, relative
@@ -61,8 +65,7 @@ FILTERS = f"""
   - Samples have collapsed to a cluster where their rectangle has a diagonal below
     {COLLAPSED:g} m: then all of them are within {LOST:g} m of its middle. That of tracked robots
     was below 0.4 m.
-  - The grid has a point each {SPACING:g} m, by the rule of E17. Components are weighed and spread
-    as mcloc's `grid-match` does, with its defaults.
+  - The grid has a point each {SPACING:g} m, by the rule of E17.
 """
 
 

@@ -1,6 +1,6 @@
 """What grid-based Markov localization believes: a mass for each cell of a grid of poses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -33,10 +33,10 @@ class GridBelief:
     least: float
     evidence: Mapping[str, Evidence] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def active(self) -> NDArray[np.intp]:
         """(n,): the cells that are active, block by block; the largest if none is. They hold nearly
-        all mass.
+        all mass. Found anew each time: to keep them takes 8 bytes each.
         """
         _, height, width = self.lattice.shape
         k, i, j = (
@@ -48,25 +48,23 @@ class GridBelief:
         found = found[flat[found] > self.least]
         return found if len(found) else np.array([flat.argmax()])
 
-    @property
-    def chunks(self) -> list[slice]:
-        """Of the active cells: the room that many at a time take is small."""
-        return [slice(k, k + AT_ONCE) for k in range(0, len(self.active), AT_ONCE)]
-
-    def middles(self, here: slice) -> States:
-        """(3, n): of some of the active cells, map frame."""
-        return self.lattice.poses(self.active[here], self.offsets, self.turn)
+    def middles(self, cells: NDArray[np.intp]) -> Iterator[tuple[slice, States]]:
+        """(3, m): of some of these cells (n,) after the other, map frame: the room that many at a
+        time take is small.
+        """
+        for first in range(0, len(cells), AT_ONCE):
+            here = slice(first, first + AT_ONCE)
+            yield here, self.lattice.poses(cells[here], self.offsets, self.turn)
 
     @cached_property
     def particles(self) -> Particles:
         """The middles of the active cells."""
-        states = np.empty((3, len(self.active)))
-        for here in self.chunks:
-            states[:, here] = self.middles(here)
+        active = self.active
+        states = np.empty((3, len(active)))
+        for here, x in self.middles(active):
+            states[:, here] = x
         with np.errstate(divide="ignore"):
-            return Particles.normalized(
-                states, np.log(self.cells.ravel()[self.active], dtype=float)
-            )
+            return Particles.normalized(states, np.log(self.cells.ravel()[active], dtype=float))
 
 
 def active_blocks(cells: Cells, least: float) -> NDArray[np.bool_]:

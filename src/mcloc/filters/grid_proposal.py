@@ -132,8 +132,8 @@ class GridProposalFilter:
         return hypotheses(Particles.normalized(states, particles.log_weights[counts]), SE2)
 
     def adopted(self, bel: GridProposalBelief) -> GridProposalBelief:
-        """The same samples: they know no map."""
-        return replace(bel, evidence={})
+        """The same samples: they know no map. How well scans fit is learned anew."""
+        return replace(bel, average=self.threshold, evidence={})
 
     def packed(self, bel: GridProposalBelief) -> tuple[dict[str, Any], Arrays]:
         """The belief but for its evidence, as what JSON knows and as arrays."""

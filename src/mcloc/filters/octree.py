@@ -16,7 +16,15 @@ from mcloc.errors import ConfigError, FilterError
 from mcloc.estimate import Hypothesis, away, hypotheses
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.models import Models
-from mcloc.filters.octree_leaves import Leaves, Masses, divided, joined, looks, tree_of
+from mcloc.filters.octree_leaves import (
+    Leaves,
+    Masses,
+    divided,
+    joined,
+    looks,
+    most_bytes,
+    tree_of,
+)
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
 from mcloc.particles import Particles, log_sum_exp
 from mcloc.protocols import Density, Environment, MotionModel, SensorModel
@@ -145,12 +153,14 @@ class OctreeFilter:
 
     def _predicted(self, bel: OctreeBelief, u: Any, draws: Draws) -> Leaves:
         """The leaves after moving by u."""
-        moved, done = [], 0
+        moved, masses, done = [], [], 0
         for _, here in looks(self.boxes, bel.leaves, self.most, draws):
-            moved.append((self.motion.sample(here.x, u, draws, done), here.mass))
+            moved.append(self.motion.sample(here.x, u, draws, done))
+            masses.append(here.mass)
             done += len(here.mass)
-        x, mass = (np.concatenate(arrays, axis=-1) for arrays in zip(*moved, strict=True))
-        return self._tree(self.carried_off, x, (1.0 - self.carried_off) * mass)
+        x, mass = np.concatenate(moved, axis=1), (1.0 - self.carried_off) * np.concatenate(masses)
+        del moved, masses  # the same once more
+        return self._tree(self.carried_off, x, mass)
 
     def _tree(self, anywhere: float, x: States, mass: Masses) -> Leaves:
         return tree_of(self.boxes, anywhere, x, mass, self.most, self.deepest)
@@ -196,8 +206,11 @@ class Weighing:
 @dataclass(frozen=True)
 class Octree(Configurable):
     """Markov localization on an octree of poses [Burgard 1998]: boxes of 1.6 m and 45° where hardly
-    anything is believed, divided down to `cell` where the robot may be. It finds a robot anywhere,
-    in little memory.
+    anything is believed, divided down to `cell` where the robot may be. It finds a robot anywhere.
+
+    How much memory a step takes is up to `most` more than to the map. While the robot may be
+    anywhere there are up to 8 / `most` leaves: it took 0.4 GB on 100 m², 1 GB on 400 m² and 2.6 GB
+    on 10,000 m². Once it is localized a step takes some megabytes.
 
     Of recovery it takes how fast the averages follow; it has no use for random particles and for
     doubt in the wheels, nor for size, resampler, people and sampler.
@@ -208,11 +221,18 @@ class Octree(Configurable):
         1e-6, "", "share of the belief above which a box is divided", low=1e-8, high=0.1
     )
     carried_off: float = param(1e-3, "", "P(carried off since the last update)", above=0, high=0.99)
+    memory: float = param(4000.0, "MB", "most memory of a step", above=0)
 
     def compose(self, models: Models) -> OctreeFilter:
         cells = max(round(SQUARE / models.grid.resolution), 1)
         boxes = PoseBoxes(models.grid, cells, HEADINGS)
         deepest = max(math.ceil(math.log2(boxes.sides(0)[0] / self.cell) - 1e-9), 0)
+        wanted = 1e-6 * most_bytes(boxes, self.most, deepest)
+        if wanted > self.memory:
+            raise ConfigError(
+                f"{models.grid.name}: filter.most = {self.most:g} takes up to {wanted:.0f} MB on "
+                f"this map, more than filter.memory = {self.memory:g} MB; use a larger filter.most"
+            )
         return OctreeFilter(
             boxes,
             models.motion,

@@ -105,8 +105,11 @@ def _moments(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean (3,) and covariance (3, 3) of weighted poses, circular in θ."""
     w = weights / weights.sum()
-    mean = x @ w
-    mean[2] = math.atan2(np.sin(x[2]) @ w, np.cos(x[2]) @ w)
+    # Not matrix products: BLAS may add in another order with other threads.
+    mean = np.einsum("an,n->a", x, w)
+    sine, cosine = np.einsum("an,n->a", [np.sin(x[2]), np.cos(x[2])], w)
+    mean[2] = math.atan2(sine, cosine)
     apart = x - mean[:, None]
     apart[2] = wrap(apart[2])
-    return mean, (apart * w) @ apart.T
+    covariance: NDArray[np.float64] = np.einsum("an,bn->ab", apart * w, apart)
+    return mean, covariance

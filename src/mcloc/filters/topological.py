@@ -175,13 +175,17 @@ class Topological(Configurable):
     )
 
     def compose(self, models: Models) -> TopologicalFilter:
-        graph = places(models.grid, self.radius, self.piece)
-        poses = graph.areas.sum() / self.spacing**2 * self.headings * TURNS
+        # By all of free space, of which a robot fits into most: that is known before the graph,
+        # which takes minutes and gigabytes for maps that are too large.
+        area = np.count_nonzero(models.grid.free) * models.grid.resolution**2
+        poses = area / self.spacing**2 * self.headings * TURNS
         if poses > MOST_POSES:
             raise ConfigError(
                 f"filter.spacing = {self.spacing:g} m and filter.headings = {self.headings} make "
-                f"{poses:.2g} poses of this map, more than {MOST_POSES:.2g}: more space, or fewer"
+                f"{poses:.2g} poses of this map's free space, more than {MOST_POSES:.2g}: more "
+                "space, or fewer"
             )
+        graph = places(models.grid, self.radius, self.piece)
         return TopologicalFilter(
             PlaceStates(graph, self.headings, self.spacing),
             models.motion,

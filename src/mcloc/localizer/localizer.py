@@ -45,7 +45,8 @@ class Localizer:
     used; `policy` says how far. `pace` says how long the filter is then busy: scans that it would
     have used meanwhile are lost, and counted in `ignored`; None loses none. Call `set_pose`,
     `start_globally`, `force_update` and `swap_map` between two events. `belief` makes one to go on
-    with instead of a start: not every filter can start from nothing.
+    with instead of a start: not every filter can start from nothing. `withheld` are the scans of
+    the last event for which the filter told no pose: the stamp of each, and the wheels' pose.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Localizer:
         self.pace = pace or Offline()
         self.filter = self.composition.build(grid)
         self.ignored: Counter[str] = Counter()
+        self.withheld: list[tuple[float, Pose]] = []
         self.step = 0  # of the random numbers; each start and each update takes one
         self.update: Update | None = None
         self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
@@ -101,6 +103,7 @@ class Localizer:
         stamp, and one of several lasers for the others, up to a second. Events that come late,
         twice or broken are left out and counted in `ignored`.
         """
+        self.withheld = []
         if isinstance(event, Odometry):
             self._odometry.add(event)
             return self._release()
@@ -122,6 +125,7 @@ class Localizer:
 
     def finish(self) -> list[Estimate]:
         """Estimates for the scans that still wait; they take the last odometry there is."""
+        self.withheld = []
         self._odometry.finish()
         for scan in self._guard.rest():
             self._queue(scan)
@@ -227,6 +231,7 @@ class Localizer:
         self.hypotheses = tuple(carried(h, u) for h in self.update.hypotheses)
         if not self.hypotheses:
             self.ignored["scan while the filter withheld its estimate"] += 1
+            self.withheld.append((scan.t, at))
             return None
         return Estimate(scan, at, self.hypotheses, self.update, due)
 

@@ -36,15 +36,12 @@ def hills(clearance: NDArray[np.float64], standing: NDArray[np.bool_]) -> NDArra
 
 def cut(
     clearance: NDArray[np.float64], hill: NDArray[np.int64], cell: float, piece: float
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """(height, width): the pieces of hills, −1 elsewhere; whether they are of elongated hills."""
+) -> NDArray[np.int64]:
+    """(height, width): the pieces of hills, −1 elsewhere."""
     node = np.full(hill.shape, -1, dtype=np.int64)
-    elongated = np.zeros(hill.shape, dtype=np.bool_)
     count = 0
     for cells in _groups(hill):
-        shape = _Shape(clearance, cells, cell)
-        elongated[cells] = shape.elongated
-        waiting = [shape]
+        waiting = [_Shape(clearance, cells, cell)]
         while waiting:
             shape = waiting.pop()
             n = round(shape.length / piece) if shape.too_long(piece) else 1
@@ -56,7 +53,7 @@ def cut(
             for k in range(n):
                 part = tuple(axis[slices == k] for axis in shape.cells)
                 waiting += [_Shape(clearance, whole, cell) for whole in _connected(part)]
-    return node, elongated
+    return node
 
 
 class _Shape:

@@ -12,10 +12,10 @@ from mcloc.localizer.state import packed, unpacked
 from mcloc.report.run import Run
 from mcloc.storage import read_state, write_state
 
-VERSION = 2
+VERSION = 3
 NAME = "checkpoint.npz"
 
-_TABLES = ("rows", "updates", "sizes")
+_TABLES = ("rows", "updates", "withheld", "sizes")
 
 
 class Checkpoints:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.geometry import Pose
 from mcloc.localizer import Estimate
 from mcloc.report.rows import Rows
 from mcloc.trajectory import Trajectory
@@ -21,11 +22,14 @@ ALL = (*COLUMNS, "odometry_x", "odometry_y", "odometry_theta")
 
 
 class History:
-    """A row for each stamp, one for each update, and the sizes of all sample sets drawn."""
+    """A row for each stamp with an estimate, one for each update that told one, the scans at which
+    none was told, and the sizes of all sample sets drawn.
+    """
 
     def __init__(self) -> None:
         self.rows = Rows(len(ALL))
         self.updates = Rows(3)  # t, seconds that it took, particles
+        self.withheld = Rows(4)  # t, x, y, θ of the wheels, of scans without an estimate
         self.sizes = Rows(3)  # step, which of its sets, particles
 
     def __len__(self) -> int:
@@ -42,13 +46,18 @@ class History:
             *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),
             *(evidence.fast, evidence.slow, e.update.explained, *e.odometry),
         )
-        while len(self) and e.t <= self.last("t"):
-            self.rows.drop_last()
+        _drop_from(e.t, self.rows)
+        _drop_from(e.t, self.withheld)
         self.rows.add(*row)
         if e.updated:
             self.updates.add(e.t, e.update.duration, info.n)
             for nth, n in enumerate(info.sizes):
                 self.sizes.add(e.update.step, nth, n)
+
+    def withhold(self, t: float, odometry: Pose) -> None:
+        """Take note of a scan for which the filter told no pose; odometry: (3,) of the wheels."""
+        _drop_from(t, self.withheld)
+        self.withheld.add(t, *odometry)
 
     def last(self, name: str) -> float:
         """The last number of a column."""
@@ -68,9 +77,16 @@ class History:
 
     @property
     def wheels(self) -> Trajectory:
-        """Where the wheels alone say that the robot was, in their own frame."""
-        table = self.rows.table
-        return Trajectory(table[:, 0], table[:, -3:])
+        """Where the wheels alone say that the robot was at each scan, in their own frame."""
+        told = self.rows.table
+        table = np.concatenate([told[:, [0, -3, -2, -1]], self.withheld.table])
+        _, order = np.unique(table[:, 0], return_index=True)
+        return Trajectory(table[order, 0], table[order, 1:])
+
+    @property
+    def share_withheld(self) -> float:
+        """Of the scans, 0 … 1."""
+        return len(self.withheld) / (len(self.withheld) + len(self))
 
     def estimates_csv(self) -> Iterator[str]:
         """Lines: one for each stamp; explained_beams is empty for a scan without returns.
@@ -97,3 +113,9 @@ class History:
         yield "t,update_ms"
         for t, duration, _ in self.updates.table:
             yield f"{t:.6f},{1e3 * duration:.3f}"
+
+
+def _drop_from(t: float, rows: Rows) -> None:
+    """Take away the last rows that are not from before t."""
+    while len(rows) and rows.last[0] >= t:
+        rows.drop_last()

@@ -64,18 +64,19 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     axes.plot(*broken_at_jumps(estimate, wheels).T, color=BELIEVED, lw=1.4, label="estimate")
     start = estimate.poses[0, :2]
     axes.plot(*start, "o", color=BELIEVED, ms=8, mfc="white", label="first estimate")
-    poses = np.array([h.mean for h in run.localizer.hypotheses])
-    axes.quiver(
-        poses[:, 0],
-        poses[:, 1],
-        np.cos(poses[:, 2]),
-        np.sin(poses[:, 2]),
-        color=BELIEVED,
-        scale=20.0,
-        width=0.005,
-        zorder=4,
-        label="hypotheses at the end",
-    )
+    if run.localizer.hypotheses:  # none of a filter that withholds its estimate at the end
+        x, y, theta = np.array([h.mean for h in run.localizer.hypotheses]).T
+        axes.quiver(
+            x,
+            y,
+            np.cos(theta),
+            np.sin(theta),
+            color=BELIEVED,
+            scale=20.0,
+            width=0.005,
+            zorder=4,
+            label="hypotheses at the end",
+        )
     draw_belief(axes, run.localizer.belief)
     _zoom(axes, np.concatenate(shown))
     axes.set(xlabel="x [m]", ylabel="y [m]", title=_title(run))

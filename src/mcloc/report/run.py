@@ -31,7 +31,7 @@ class Run:
     event. history: what it found at each scan so far. consumed: events of the log so far.
     wall_time: seconds of processing so far. Raises McLocError at once where the config, the map or
     the truth cannot be right, or the log cannot be opened; LogError in the middle of a log that is
-    cut, or at the end of one without a usable scan.
+    cut, or at the end of one without a usable scan, or if no pose was told at any.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -72,10 +72,7 @@ class Run:
             yield self._noted(self.localizer.process(event), began)
         yield self._noted(self.localizer.finish(), began)
         if not len(self.history):
-            ignored = ", ".join(f"{n} × {why}" for why, n in self.ignored.items()) or "nothing"
-            raise LogError(
-                f"{self.config.log}: no usable scan{self._between()}; left out: {ignored}"
-            )
+            raise LogError(f"{self.config.log}: {self._nothing()}")
 
     @property
     def ignored(self) -> Counter[str]:
@@ -90,6 +87,8 @@ class Run:
     def _noted(self, estimates: list[Estimate], began: float) -> list[Estimate]:
         for estimate in estimates:
             self.history.add(estimate)
+        for t, odometry in self.localizer.withheld:
+            self.history.withhold(t, odometry)
         self.wall_time = time.perf_counter() - began
         return estimates
 
@@ -125,6 +124,18 @@ class Run:
                 beyond += 1
                 if beyond == MOST_BEYOND:
                     return
+
+    def _nothing(self) -> str:
+        """Why there is no estimate, in words."""
+        withheld = len(self.history.withheld)
+        if withheld:
+            return (
+                f"the filter withheld its estimate at all {withheld} scans{self._between()}: it "
+                "was never sure of one place; give it more of the log, or take a filter that tells "
+                "several places (--filter mixture)"
+            )
+        ignored = ", ".join(f"{n} × {why}" for why, n in self.ignored.items()) or "nothing"
+        return f"no usable scan{self._between()}; left out: {ignored}"
 
     def _between(self) -> str:
         """The part of the log that was asked for, in words."""

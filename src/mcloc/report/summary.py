@@ -17,7 +17,10 @@ def accuracy_of(run: Run) -> Accuracy | None:
     """Of the estimates so far; None without a truth. Raises TruthError where the two never meet."""
     if run.truth is None:
         return None
-    return evaluate(run.history.trajectory, run.truth, odometry=run.history.wheels)
+    history = run.history
+    wheels = history.wheels
+    scans = float(wheels.t[0]), float(wheels.t[-1])
+    return evaluate(history.trajectory, run.truth, odometry=wheels, scans=scans)
 
 
 def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
@@ -25,8 +28,8 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
     config, history = run.config, run.history
     _, seconds, particles = history.updates.table.T
     update_ms = 1e3 * seconds
-    t = history.column("t")
-    duration = float(t[-1] - t[0])
+    wheels = history.wheels
+    duration = float(wheels.t[-1] - wheels.t[0])
     final = run.localizer.hypotheses
     found = [{**_pose(h.mean), "share": h.share} for h in final]
     nowhere = np.full(3, np.nan)  # of a filter that withholds its estimate at the end
@@ -41,7 +44,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "scans": len(history),
         "updates": len(history.updates),
         "duration_s": duration,
-        "distance_m": _distance(history.wheels),
+        "distance_m": _distance(wheels),
         "realtime_factor": duration / run.wall_time if run.wall_time > 0.0 else None,
         "update_ms": {
             "median": float(np.median(update_ms)),
@@ -51,6 +54,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "particles": {"median": float(np.median(particles)), "max": int(particles.max())},
         "ignored": dict(sorted(run.ignored.items())),
         "final": {**_pose(final[0].mean if final else nowhere), "hypotheses": found},
+        "withheld": history.share_withheld,
         "accuracy": None if accuracy is None else accuracy.to_dict(),
     }
     return {key: _known(value) for key, value in summary.items()}
@@ -66,7 +70,7 @@ def to_json(summary: dict[str, Any]) -> str:
 
 
 def _distance(wheels: Trajectory) -> float:
-    """Metres that the wheels measured from the first to the last estimate."""
+    """Metres that the wheels measured from the first to the last scan."""
     step = np.diff(wheels.poses[:, :2], axis=0)
     return float(np.hypot(step[:, 0], step[:, 1]).sum())
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mcloc.draws import Draws, Stream
 from mcloc.geometry import Pose, compose, inverse
 from mcloc.particles import log_sum_exp
-from mcloc.protocols import Environment
+from mcloc.protocols import Density, Environment
 from mcloc.samplers.pose_boxes import Keys, PoseBoxes
 from mcloc.statespace import LogWeights, States
 
@@ -87,8 +87,7 @@ class FoundPoses:
         square difference was 0.3 … 0.8 (240 scans of 6 logs), but 1.3 in the museum fhw, where
         those poses hardly ever meet the place; the median was within 0.2.
         """
-        x = self.sample(self.draws, self.looks, self.looks)
-        return log_sum_exp(self.fit(x) - self.log_density(x)) - math.log(self.looks)
+        return log_pi_of(self, self.fit, self.draws, self.looks)
 
     @property
     def _uniform(self) -> float:
@@ -96,15 +95,27 @@ class FoundPoses:
 
     @cached_property
     def _chosen_from(self) -> NDArray[np.float64]:
-        """(boxes,): from where on, between 0 and 1, a number chooses each box; below the first one,
-        U.
-        """
+        """(boxes,): as `chosen_from`."""
         mass = np.concatenate([np.zeros(0), *(of_level.mass for of_level in self.found)])
-        before = np.cumsum(mass) - mass
-        begins: NDArray[np.float64] = self.floor + (1.0 - self.floor) * before
-        return begins
+        return chosen_from(self.floor, mass)
 
 
 def robot_at(sensor: States, mount: Pose) -> States:
     """(3, n): where a robot is whose sensor is at each pose (3, n)."""
     return np.ascontiguousarray(compose(sensor.T, inverse(mount)).T)
+
+
+def chosen_from(floor: float, mass: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,): from where on, between 0 and 1, a number chooses each of the parts with so much mass
+    (n,); below the first one, U.
+    """
+    begins: NDArray[np.float64] = floor + (1.0 - floor) * (np.cumsum(mass) - mass)
+    return begins
+
+
+def log_pi_of(q: Density, fit: Callable[[States], LogWeights], draws: Draws, looks: int) -> float:
+    """log ∫ exp fit(x) dx over the poses that q has, as so many of its samples give it, from the
+    number `looks` on.
+    """
+    x = q.sample(draws, looks, looks)
+    return log_sum_exp(fit(x) - q.log_density(x)) - math.log(looks)

@@ -22,6 +22,7 @@ from mcloc.samplers.pose_boxes import PoseBoxes
 from mcloc.samplers.pose_mixture import PoseMixture, Spread
 from mcloc.samplers.rings import Rings
 from mcloc.samplers.scan_features import heard
+from mcloc.sensors.beam_model import BeamModel
 from mcloc.statespace import LogWeights, States
 
 BULK = 0.99  # of the mass, which the components that are kept have
@@ -38,6 +39,7 @@ class GridMatch(Configurable):
     and the one where it differs least is the heading of that point. They differ by the sum of the
     absolute differences of log(1 + r) over the sectors that the scan has readings in, whatever its
     field of view: a person spoils a few of them, not all. Sensors of one reach share the rings.
+    Where the sensor model has cones, as of sonars, a sensor there sees the nearest wall in them.
 
     Of 100 scans of each of the 6 recorded logs, at random moments, so many had a point within
     `spacing` along both axes, with a heading within 10 degrees, among those that differed least
@@ -152,7 +154,8 @@ class GridMatch(Configurable):
         if reach not in self._rings:
             if len(self._rings) == MOST_REACHES:
                 self._rings.clear()
-            self._rings[reach] = Rings(self.grid, self._points, self.headings, reach)
+            cone = self.sensor.cone if isinstance(self.sensor, BeamModel) else 0.0
+            self._rings[reach] = Rings(self.grid, self._points, self.headings, reach, cone)
         return self._rings[reach]
 
     @cached_property

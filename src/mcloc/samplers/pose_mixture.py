@@ -13,9 +13,8 @@ from mcloc.draws import Draws, Stream
 from mcloc.geometry import Pose, compose, wrap
 from mcloc.kernels.jit import share
 from mcloc.kernels.pose_mixture import mixture_density
-from mcloc.particles import log_sum_exp
 from mcloc.protocols import Environment
-from mcloc.samplers.found_poses import robot_at
+from mcloc.samplers.found_poses import chosen_from, log_pi_of, robot_at
 from mcloc.statespace import LogWeights, States
 
 CUT = 3.0  # deviations: farther from its mean a component has nothing
@@ -110,8 +109,7 @@ class PoseMixture:
         """log π, π = ∫ p(z | x) p(x | m) dx over the poses that q̄ has, as an importance sample of q̄
         gives it; worked out when it is first asked for.
         """
-        x = self.sample(self.draws, self.looks, self.looks)
-        return log_sum_exp(self.fit(x) - self.log_density(x)) - math.log(self.looks)
+        return log_pi_of(self, self.fit, self.draws, self.looks)
 
     def _sum(self, x: States) -> Reals:
         """(n,): Σ β exp(−½ d²)."""
@@ -135,11 +133,8 @@ class PoseMixture:
 
     @cached_property
     def _chosen_from(self) -> Reals:
-        """(M,): from where on, between 0 and 1, a number chooses each component; below the first
-        one, U.
-        """
-        begins: Reals = self.floor + (1.0 - self.floor) * (np.cumsum(self.weights) - self.weights)
-        return begins
+        """(M,): as `chosen_from`."""
+        return chosen_from(self.floor, self.weights)
 
     @cached_property
     def _rows(self) -> tuple[NDArray[np.intp], Reals, NDArray[np.intp], float]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mcloc.events import Scan
 from mcloc.kernels.jit import share
 from mcloc.kernels.rings import best_turns
+from mcloc.maps.cone_caster import nearest_around
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.maps.ray_caster import RayCaster
 from mcloc.samplers.scan_features import TURN, Sectors
@@ -30,13 +31,16 @@ class Rings:
 
     Of a sector it is the mean of log(1 + r) that is held, to 1/255 of that of the reach: below 2 %
     of a range. Rays pass unknown cells until they meet a wall, and those that leave the map are
-    left out, as samplers/feature_tree tells. reach: metres, nothing is taken to be farther.
+    left out, as samplers/feature_tree tells. reach: metres, nothing is taken to be farther. cone:
+    radians, the opening angle of the beams of a sonar: each ray then has the range of the nearest
+    wall in it; its edges are rounded to rays.
     """
 
     grid: OccupancyGrid
     places: States
     count: int
     reach: float
+    cone: float = 0.0
 
     def match(self, z: Scan) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """(n,) and (n,): by how many sectors a sensor at each place has to be turned to the left
@@ -77,6 +81,9 @@ class Rings:
         for first in range(0, len(rings), together):
             some = slice(first, first + together)
             ranges = rays.ranges(self.places[:, some], np.zeros(3), angles, self.reach)
+            if self.cone > 0.0:
+                aside = round(self.cone / 2.0 * self.sectors.rays / TURN)
+                ranges = nearest_around(np.minimum(ranges, self.reach), aside)
             rings[some] = self._codes(self._means(ranges.astype(np.float32)))
         return rings
 
