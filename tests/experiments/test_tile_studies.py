@@ -43,7 +43,7 @@ def table_of(methods: Mapping[str, tuple[float, float, float]], right: float = 1
                     "peaks": peaks * off[2],
                     "root_right": right if "hierarchical" in method else None,
                 }
-                rows.append(Row({"error": error, "method": method}, seed, record))
+                rows.append(Row({"off_by": error, "method": method}, seed, record))
     return Table(rows)
 
 

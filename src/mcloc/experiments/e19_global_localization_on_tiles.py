@@ -60,7 +60,7 @@ these filters are near their place within some 20 iterations.
 
 def run(setting: Setting, seed: int) -> Record:
     """One drive."""
-    error, method = int(setting["error"]), str(setting["method"])
+    error, method = int(setting["off_by"]), str(setting["method"])
     robot, sensor = filter_named(method, error), PreciseGreyTile((TILES,), error=error)
     errors, right = [], []
     for x, believed, bel in driven(robot, sensor, seed, ITERATIONS):
@@ -127,7 +127,7 @@ def takes(table: Table, method: str, number: float) -> Finding:
 def right_half(table: Table) -> Finding:
     """The root is right at nearly every iteration."""
     found = {
-        f"error {error}": mean(table.where(error=error, method=EACH_6).column("root_right"))
+        f"off by {error}": mean(table.where(off_by=error, method=EACH_6).column("root_right"))
         for error in ERRORS
     }
     least = min(found, key=lambda which: found[which].value)
@@ -160,10 +160,10 @@ def negligible(table: Table) -> Finding:
     more = {}
     for error in ERRORS:
         coarse, precise = (
-            table.where(error=error, method=method).column("peaks")
+            table.where(off_by=error, method=method).column("peaks")
             for method in (VANILLA_36_COARSE, VANILLA_36)
         )
-        more[f"error {error}"] = mean(coarse - precise)
+        more[f"off by {error}"] = mean(coarse - precise)
     hardest = min(faster.values(), key=lambda c: c.ratio.value)
     return Finding(
         graded([c.above for c in faster.values()] + [i.high < NEGLIGIBLE for i in more.values()]),
@@ -177,7 +177,7 @@ def negligible(table: Table) -> Finding:
 def draw(table: Table, figure: "Figure") -> None:
     """The mean error over the iterations, for both sensors."""
     for axes, error in zip(figure.subplots(1, len(ERRORS)), ERRORS, strict=True):
-        draw_curves(axes, table.where(error=error), (*PAPERS, ZONES))
+        draw_curves(axes, table.where(off_by=error), (*PAPERS, ZONES))
         axes.set_title(f"sensor off by up to {error}")
     figure.legend(
         *axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
@@ -194,7 +194,7 @@ STUDY = Study(
     title="Hierarchical and vanilla MCL on a row of tiles: from everywhere to one",
     source="Est §4.1 and Fig. 5",
     about=ABOUT,
-    factors={"error": ERRORS, "method": (*PAPERS, *WITHOUT_RANDOM, ZONES)},
+    factors={"off_by": ERRORS, "method": (*PAPERS, *WITHOUT_RANDOM, ZONES)},
     run=run,
     metrics={
         **METRICS,

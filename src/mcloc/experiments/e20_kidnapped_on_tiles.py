@@ -42,7 +42,7 @@ to 3, which are among the study's, and 1000 to 1003.
 
 def run(setting: Setting, seed: int) -> Record:
     """One drive, from the kidnapping on."""
-    error = int(setting["error"])
+    error = int(setting["off_by"])
     robot = filter_named(str(setting["method"]), error)
     sensor = PreciseGreyTile((TILES,), error=error)
     drive = driven(robot, sensor, seed, ITERATIONS, KIDNAPPED, FARTHER)
@@ -76,7 +76,7 @@ def steadiest(table: Table) -> Finding:
 def unstable(table: Table) -> Finding:
     """Vanilla MCL with 6 particles has peaks."""
     found = {
-        f"error {error}": mean(table.where(error=error, method=VANILLA_6).column("peaks"))
+        f"off by {error}": mean(table.where(off_by=error, method=VANILLA_6).column("peaks"))
         for error in ERRORS
     }
     least = min(found, key=lambda which: found[which].value)
@@ -93,9 +93,9 @@ def others_recover(table: Table) -> Finding:
     found = {}
     for error in ERRORS:
         for method in VANILLAS[1:]:
-            reached = table.where(error=error, method=method).column("reached")
+            reached = table.where(off_by=error, method=method).column("reached")
             again = int((reached <= ITERATIONS - KIDNAPPED + 1).sum())
-            found[f"{method}, error {error}"] = proportion(again, len(reached))
+            found[f"{method}, off by {error}"] = proportion(again, len(reached))
     least = min(found, key=lambda which: found[which].value)
     holds = [i.low >= RECOVER for i in found.values()]
     return Finding(
@@ -109,7 +109,7 @@ def others_recover(table: Table) -> Finding:
 def draw(table: Table, figure: "Figure") -> None:
     """The mean error over the iterations after the kidnapping, for both sensors."""
     for axes, error in zip(figure.subplots(1, len(ERRORS)), ERRORS, strict=True):
-        draw_curves(axes, table.where(error=error), PAPERS)
+        draw_curves(axes, table.where(off_by=error), PAPERS)
         axes.set(title=f"sensor off by up to {error}", xlabel="iteration after the kidnapping")
     figure.legend(
         *axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
@@ -121,7 +121,7 @@ STUDY = Study(
     title="Hierarchical and vanilla MCL on a row of tiles: carried off",
     source="Est §4.1 and Fig. 6",
     about=ABOUT,
-    factors={"error": ERRORS, "method": (*PAPERS, *WITHOUT_RANDOM)},
+    factors={"off_by": ERRORS, "method": (*PAPERS, *WITHOUT_RANDOM)},
     run=run,
     metrics=METRICS,
     claims=(

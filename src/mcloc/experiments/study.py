@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mcloc.evaluation.intervals import Interval
-from mcloc.experiments.table import Record, Setting, Table, Value
+from mcloc.experiments.table import TOLD, Record, Setting, Table, Value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,7 +94,8 @@ class Study:
     command: str = ""
 
     def __post_init__(self) -> None:
-        assert not set(self.factors) & set(self.metrics)  # they are columns of one table
+        # They are columns of one table.
+        assert not set(self.factors) & {*self.metrics, *TOLD}
 
     @property
     def folder(self) -> str:

@@ -14,6 +14,8 @@ Value = str | int | float | bool
 Setting = Mapping[str, Value]
 Record = Mapping[str, Any]
 
+TOLD = ("seed", "error", "took_s")  # columns of every table
+
 
 @dataclass(frozen=True)
 class Row:

@@ -51,8 +51,8 @@ def _first(holds: NDArray[np.bool_], n: int) -> int:
 def medians(table: Table, metric: str, method: str) -> dict[str, Interval]:
     """Of a method, by the sensor's error."""
     return {
-        f"error {error}": median(table.where(error=error, method=method).column(metric))
-        for error in table.values("error")
+        f"off by {error}": median(table.where(off_by=error, method=method).column(metric))
+        for error in table.values("off_by")
     }
 
 
@@ -71,15 +71,15 @@ def against(
     """{(error, method, other): the other's metric to the method's}, corrected for all of them."""
     chosen = {
         (error, one, other): table.paired(metric, _of(error, other), _of(error, one))
-        for error in table.values("error")
+        for error in table.values("off_by")
         for one, other in pairs
     }
-    found = compared({f"{o} to {m}, error {e}": values for (e, m, o), values in chosen.items()})
+    found = compared({f"{o} to {m}, off by {e}": values for (e, m, o), values in chosen.items()})
     return dict(zip(chosen, found, strict=True))
 
 
 def _of(error: Any, method: str) -> Setting:
-    return {"error": error, "method": method}
+    return {"off_by": error, "method": method}
 
 
 def draw_curves(axes: "Axes", table: Table, methods: Sequence[str]) -> None:

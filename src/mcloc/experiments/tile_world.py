@@ -53,8 +53,8 @@ ZONES = f"{HALVING_36}, zones"
 WORLD = f"""
 A row of {TILES} tiles whose grey values are their numbers. At each iteration the robot steps to the
 left, to the right or stays, and does so with probability 1/2; else what it could have done instead
-happens. Then it reads the tile's grey value, which is off by up to *error* tiles, all of these
-values being as likely (*error* 5 is what the paper says of its experiment, 1 that of its text). The
+happens. Then it reads the tile's grey value, which is off by up to *off_by* tiles, all of these
+values being as likely (5 is what the paper says of its experiment, 1 that of its text). The
 robot starts on the first tile and steps towards the middle of the row from where it believes to be:
 the tile with most of the belief. The paper tells no more than that; so the rest is ours:
 
