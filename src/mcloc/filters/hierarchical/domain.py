@@ -81,12 +81,14 @@ class Boxes:
         """(D, N): where p(x | m) is less than 1 another place is tried, a few times."""
         low, sides = region.low[:, None], region.sides[:, None]
         states = wrapped(low + sides * u, region.space)
+        poor = np.arange(u.shape[1])
         for _ in range(TRIES):
-            poor = np.flatnonzero(self.environment.log_prior(states) < 0.0)
+            still = self.environment.log_prior(np.take(states, poor, axis=1)) < 0.0
+            poor, u = poor[still], u[:, still]
             if len(poor) == 0:
                 break
             u = u * MULTIPLIER % 1.0
-            states[:, poor] = wrapped(low + sides * u[:, poor], region.space)
+            states[:, poor] = wrapped(low + sides * u, region.space)
         return states
 
 
