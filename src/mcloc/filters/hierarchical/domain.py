@@ -100,7 +100,7 @@ class TileRows:
     environment: Tiles
 
     def states(self, region: Region, u: NDArray[np.float64]) -> States:
-        """(D, N): tiles; the nearest one where there is none."""
+        """(D, N): tiles; the next one up where there is none."""
         first = np.minimum(np.floor(region.low) + 1.0, np.floor(self.whole.high))
         count = np.maximum(np.floor(region.high) - first + 1.0, 1.0)
         return first[:, None] + np.floor(u * count[:, None])

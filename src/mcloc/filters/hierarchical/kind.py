@@ -44,9 +44,9 @@ class Hierarchical(Techniques):
         0.8, "", "share of a node that is new or come back to, from the one above", low=0, high=1
     )
     margin: float = param(
-        0.3, "m", "how near to their region nodes keep poses outside", above=0, high=100
+        0.3, "m", "how near to their region nodes keep poses outside", low=1e-6, high=100
     )
-    margin_heading: float = param(0.3, "rad", "the same for headings", above=0, high=math.pi)
+    margin_heading: float = param(0.3, "rad", "the same for headings", low=1e-6, high=math.pi)
     power: float = param(
         0.3, "", "of the likelihood, in virtual low-resolution sensors", above=0, high=1
     )
