@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mcloc.evaluation.intervals import Interval, median
-from mcloc.experiments.comparisons import Comparison, compared
-from mcloc.experiments.study import Verdict
+from mcloc.evaluation.intervals import Interval, mean, median
+from mcloc.experiments.comparisons import Comparison, compared, graded, listed
+from mcloc.experiments.study import Finding, Verdict
 from mcloc.experiments.table import Setting, Table
 from mcloc.experiments.tile_world import IN_A_ROW, NEAR
 
@@ -54,6 +54,27 @@ def medians(table: Table, metric: str, method: str) -> dict[str, Interval]:
         f"off by {error}": median(table.where(off_by=error, method=method).column(metric))
         for error in table.values("off_by")
     }
+
+
+def means(table: Table, metric: str, method: str) -> dict[str, Interval]:
+    """Of a method, by the sensor's error."""
+    return {
+        f"off by {error}": mean(table.where(off_by=error, method=method).column(metric))
+        for error in table.values("off_by")
+    }
+
+
+def everywhere(found: Mapping[Any, Comparison], what: str) -> Finding:
+    """A claim that the first of two is larger in all comparisons; `what` names their ratio."""
+    above = [c.above for c in found.values()]
+    hardest = min(found.values(), key=lambda c: c.ratio.value)
+    return Finding(
+        graded(above),
+        f"{what} ({hardest.told})",
+        hardest.ratio,
+        f"All: {listed(list(found.values()))}. It holds in {sum(above)} of {len(found)} "
+        f"comparisons, the opposite in {sum(c.below for c in found.values())}.",
+    )
 
 
 def about(found: Mapping[str, Interval], number: float) -> Verdict:

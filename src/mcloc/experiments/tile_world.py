@@ -59,7 +59,7 @@ robot starts on the first tile and steps towards the middle of the row from wher
 the tile with most of the belief. The paper tells no more than that; so the rest is ours:
 
 - *vanilla*: MCL as in its Fig. 1, with 6 or 36 particles, {100 * RANDOM:.0f} % of them random:
-  without these a filter with a precise sensor never finds a robot that was carried off, as the
+  without these a filter with a precise sensor seldom finds a robot that was carried off, as the
   paper's does. *None random* is without.
 - *coarse*: the virtual low-resolution sensor. The paper asks three properties of it and gives no
   formula. Here a value explains a tile as well as it explains the best tile around, less what that
@@ -72,6 +72,8 @@ the tile with most of the belief. The paper tells no more than that; so the rest
 - A measurement that none of a set's particles explains leaves their weights as they are. A node
   that the path has not come to for more than {FORGOTTEN} iterations is made anew, of random
   particles.
+- Random particles of a node come from its region and what is near it, where the paper says the
+  entire domain.
 - *zones*: particles only say in which half they are.
 - A node that the path comes back to has what it had when it was left, moved by the steps since; a
   new one random particles. Nothing is taken over from the node above, as `mcloc run` has it.

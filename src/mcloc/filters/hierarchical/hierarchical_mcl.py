@@ -54,7 +54,7 @@ class HierarchicalMCL:
     sensing: Sensing
     techniques: Techniques
     levels: int
-    inherited: float = 0.5
+    inherited: float
     recovery: Recovery = field(default_factory=NoRandomParticles)
 
     @property
