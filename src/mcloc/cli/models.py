@@ -66,7 +66,7 @@ def _limits(limits: Any) -> str:
 
 def _print(models: dict[str, Any]) -> None:
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
     from rich.text import Text
 
     console = Console()
@@ -79,7 +79,8 @@ def _print(models: dict[str, Any]) -> None:
                 title.append(" (default)")
             console.print(title, Text(model["doc"], style="dim"), sep="\n")
             if model["parameters"]:
-                table = Table("--set", "default", "unit", "limits", "meaning", box=None)
+                whole = Column("--set", no_wrap=True, overflow="fold")  # names are to be copied
+                table = Table(whole, "default", "unit", "limits", "meaning", box=None)
                 for parameter, p in model["parameters"].items():
                     cells = (f"{kind}.{parameter}", str(p["default"]), *list(p.values())[1:])
                     table.add_row(*map(Text, cells))

@@ -39,7 +39,7 @@ class Renewed:
             random = np.flatnonzero(np.diff(passed))
             if len(random) == 0:
                 return drawn
-            x = np.take(target.environment.sample(draws, first, count), random, axis=1)
+            x = target.environment.sample(draws, int(passed[0]), len(random))
             for whole, part in zip(
                 drawn,
                 (x, target.environment.log_prior(x), target.sensor.log_likelihood(x, target.z)),

@@ -203,29 +203,6 @@ def test_states_just_past_half_a_turn_are_collected_the_short_way():
     assert found[2] == pytest.approx([3.0, 3.0, 0.3 - 1.5])
 
 
-@given(regions(), seeds, margins)
-def test_a_grown_region_holds_what_is_within_the_margin(region, seed, margin):
-    domain = whole(region.space)
-    inside = (region.low >= domain.low) & (region.high <= domain.high)
-    assume(inside.all())
-    width = margin * np.arange(1.0, region.space.dimension + 1.0)
-    grown = region.grown(width, domain)
-    x = states(region, seed)
-    apart = np.abs(region.beyond(x))
-    clear = (np.abs(apart - width[:, None]) > 1e-9).all(axis=0)
-    expected = domain.holds(x) & (apart <= width[:, None]).all(axis=0)
-    turns = 2.0 * np.pi * np.array(region.space.circular)[:, None]
-    pairs = zip(grown.low, grown.high, turns[:, 0], x, strict=True)
-    holds = np.array(
-        [
-            np.any([(low < row + k * turn) & (row + k * turn <= high) for k in (-1, 0, 1)], axis=0)
-            for low, high, turn, row in pairs
-        ]
-    ).all(axis=0)
-    assert np.array_equal(holds[clear], expected[clear])
-    assert (grown.sides <= domain.sides + 1e-9).all()
-
-
 def test_the_widest_side_is_a_straight_one():
     assert WHOLES["poses"].widest() == 8.0  # not 2 π of another unit
     narrow = Region(ARM, np.array([-np.pi, 0.0]), np.array([np.pi, 0.25]))

@@ -8,6 +8,7 @@ from tests.filters.hierarchical.worlds import (
     driven,
     forward,
     hierarchy,
+    led,
     node_on,
     seen_from_afar,
 )
@@ -155,7 +156,7 @@ def test_the_share_of_random_particles(share):
 
     def new_ones(n):
         sensor = Blind(2**30)
-        chosen = Techniques(virtual=0, random=share)
+        chosen = Techniques(virtual=0, random=share, collect=False)
         tiles = hierarchy(sensor, 4, n, motion=Shift(), techniques=chosen, parts=forward(share))
         bel = tiles.start(tiles.environment, Draws(1))
         bel, _ = tiles.step(bel, np.array([0.0]), None, Draws(1, 1))
@@ -170,20 +171,27 @@ def test_the_share_of_random_particles(share):
         assert set(new_ones(n)) <= {int(np.floor(share * n)), int(np.ceil(share * n))}
 
 
-def test_random_particles_of_a_node_are_in_its_region_and_near_it():
-    sensor = Blind(64)
-    tiles = hierarchy(sensor, 5, 400, motion=Shift(), techniques=Techniques(random=0.9))
+@pytest.mark.parametrize("collect", [False, True])
+def test_random_particles_of_a_node_are_anywhere_in_the_domain(collect):
+    """Before they are collected near its region."""
+    chosen = Techniques(random=0.9, collect=collect)
+    tiles = hierarchy(Blind(64), 5, 800, motion=Shift(), techniques=chosen)
     bel = tiles.start(tiles.environment, Draws(1))
     for step in (1, 2, 3):
         bel, _ = tiles.step(bel, np.array([0.0]), None, Draws(1, step))
     for key in bel.path:
-        region = bel.nodes[key].region
-        low, high = max(region.low[0] - 1.0, -0.5), min(region.high[0] + 1.0, 63.5)
-        tile, n = np.unique(bel.nodes[key].particles.states, return_counts=True)
-        assert tile.tolist() == [t for t in range(64) if low < t <= high] or depth_of(key) < 2
-        assert low < tile[0]
-        assert tile[-1] <= high
-        assert n.sum() == 400
+        node = bel.nodes[key]
+        low, high = (node.region.low[0] - 1.0, node.region.high[0] + 1.0)
+        tile, n = np.unique(node.particles.states, return_counts=True)
+        expected = [t for t in range(-1, 65) if low < t <= high] if collect else range(64)
+        assert n.sum() == 800
+        assert set(tile) <= set(expected)
+        if not collect:
+            random = np.bincount(node.particles.states[0].astype(int), minlength=64)
+            outside = (np.arange(64) < node.region.low[0]) | (np.arange(64) > node.region.high[0])
+            assert len(tile) == 64
+            share = random[outside].sum() / 800.0
+            assert share == pytest.approx(0.9 * outside.mean(), abs=0.07 + 0.1 * outside.mean())
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
@@ -229,20 +237,23 @@ def test_the_path_follows_the_updated_belief_or_the_one_before():
 
 
 def test_without_it_nodes_of_the_path_before_are_updated():
-    """And the one that the path led to; with it those of the path that is found."""
-    deeper = 0
+    """And the one that the path led to, and only they answer; with it those of the path that is
+    found.
+    """
+    other = 0
     for conditioned in (True, False):
         tiles = hierarchy(SENSOR, 6, 20, techniques=Techniques(conditioned=conditioned))
         before = tiles.start(tiles.environment, Draws(1))
         for bel in driven(tiles, 40):
-            last = before.nodes[before.path[-1]]
-            planned = [*before.path]
+            planned = led(before.nodes)
+            last = before.nodes[planned[-1]]
             if len(planned) < 6 and last.likelier is not None:
                 planned.append(2 * planned[-1] + last.likelier)
             assert updated(bel) == set(bel.path if conditioned else planned)
-            deeper += set(bel.path) != set(planned)
+            assert set(bel.path) <= updated(bel)
+            other += set(bel.path) != set(planned)
             before = bel
-    assert deeper > 20
+    assert other > 20
 
 
 def test_measurements_that_nothing_explains_change_no_weight():

@@ -82,7 +82,7 @@ def test_likelihoods_of_zones_are_averages_over_their_tiles(key):
 
 
 class Sometimes:
-    """p(x | m) of tiles, 0 on some."""
+    """p(x | m) of tiles, 0 on some, and U(x) in proportion to it."""
 
     def __init__(self, prior):
         self.prior = prior
@@ -90,6 +90,9 @@ class Sometimes:
     def log_prior(self, x):
         with np.errstate(divide="ignore"):
             return np.log(self.prior)[x[0].astype(int)]
+
+    def log_density(self, x):
+        return self.log_prior(x) - np.log(self.prior.sum())
 
 
 def test_where_a_robot_hardly_can_be_counts_for_little():
@@ -105,7 +108,7 @@ def test_where_a_robot_hardly_can_be_counts_for_little():
     expected = counts / counts.sum(axis=1, keepdims=True)
     found = chances(motion, np.array([1]))
     assert found == pytest.approx(expected, abs=4.5 * 0.5 / np.sqrt(0.3 * POINTS))
-    free = np.array([prior[half].mean() for half in halves])
+    free = np.array([prior[half].sum() for half in halves])
     assert np.exp(zones.log_density(BOTH)) == pytest.approx(free / free.sum())
     drawn = zones.sample(Draws(1), 0, 20_000)[0]
     share = free[1] / free.sum()
@@ -153,7 +156,7 @@ def two_states(share):
     for u, z in zip(MOVES, SEEN, strict=True):
         seen = np.array([grey(z, TILES)[half].mean() for half in halves_of(ROOT)])
         moved = bel @ chances(motion, np.array([u]))
-        joint = ((1.0 - share) * moved + share * 0.5) * seen
+        joint = ((1.0 - share) * moved + share * np.array([6.0, 5.0]) / 11.0) * seen
         bel = joint / joint.sum()
     return bel
 

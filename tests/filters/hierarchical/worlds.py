@@ -110,6 +110,14 @@ def driven(tiles, steps, seed=1):
         yield bel
 
 
+def led(nodes):
+    """The path that nodes lead along, whenever they were updated."""
+    path = [1]
+    while (half := nodes[path[-1]].likelier) is not None and 2 * path[-1] + half in nodes:
+        path.append(2 * path[-1] + half)
+    return path
+
+
 def transition(action, tiles):
     """(tiles, tiles): p(x_t | action, x_{t−1}) by the words of the paper, x_{t−1} by row."""
     p = np.zeros((tiles, tiles))

@@ -58,8 +58,8 @@ class FullStates:
         return self.domain.whole.space
 
     def models(self, region: Region, axis: int, motion: MotionModel, sensor: SensorModel) -> Models:
-        """The models as they are, and the region with its margin."""
-        return motion, sensor, Places(self.domain, region.grown(self.margin, self.domain.whole))
+        """The models as they are, and the whole domain: random particles are anywhere in it."""
+        return motion, sensor, Places(self.domain, self.domain.whole)
 
     def described(self, region: Region, axis: int, x: States) -> States:
         """(D, N): the states."""

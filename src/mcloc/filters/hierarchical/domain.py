@@ -15,10 +15,11 @@ from mcloc.protocols import Environment
 from mcloc.statespace import SE2, States
 
 TRIES = 16  # for a state where p(x | m) is 1
+POINTS = 4096  # where it is asked how much of a region is free
 MULTIPLIER = 48271.0
 """u times it, less the whole part, is as even as u is, and looks like chance  [Park, Miller,
-Stockmeyer: CACM 36 (7), 1993]. Steps of equal length would lead from walls to some places more than
-to others.
+Stockmeyer: CACM 36 (7), 1993], but for u = 0, which it leaves. Steps of equal length would lead
+from walls to some places more than to others.
 """
 
 
@@ -35,6 +36,9 @@ class Domain(Protocol):
 
     def states(self, region: Region, u: NDArray[np.float64]) -> States:
         """(D, N): states of a region, spread over it as u (D, N) is over the unit cube."""
+
+    def amount(self, region: Region) -> float:
+        """How much of all states is in a region: ∫ U(x) dx over it."""
 
 
 @cache
@@ -91,6 +95,12 @@ class Boxes:
             states[:, poor] = wrapped(low + sides * u, region.space)
         return states
 
+    def amount(self, region: Region) -> float:
+        """Its volume times the mean of U(x) at points all over it."""
+        u = evenly(POINTS, region.space.dimension)
+        states = wrapped(region.low[:, None] + region.sides[:, None] * u, region.space)
+        return float(region.sides.prod() * np.exp(self.environment.log_density(states)).mean())
+
 
 @dataclass(frozen=True, eq=False)
 class TileRows:
@@ -100,7 +110,16 @@ class TileRows:
     environment: Tiles
 
     def states(self, region: Region, u: NDArray[np.float64]) -> States:
-        """(D, N): tiles; the next one up where there is none."""
+        """(D, N): tiles; the next one up where there is none, the last one where there is none
+        up.
+        """
         first = np.minimum(np.floor(region.low) + 1.0, np.floor(self.whole.high))
         count = np.maximum(np.floor(region.high) - first + 1.0, 1.0)
         return first[:, None] + np.floor(u * count[:, None])
+
+    def amount(self, region: Region) -> float:
+        """Σ U(x) over its tiles."""
+        first, count = np.floor(region.low) + 1.0, np.floor(region.high) - np.floor(region.low)
+        shape = tuple(count.astype(int).tolist())
+        tiles = first[:, None] + np.indices(shape).reshape(len(first), -1)
+        return float(np.exp(self.environment.log_density(tiles)).sum())

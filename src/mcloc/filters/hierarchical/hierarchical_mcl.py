@@ -110,7 +110,7 @@ class HierarchicalMCL:
             nodes = self._settled(nodes, key, node, bel, draws)
             root, sizes = root or info, (*sizes, *info.sizes)
             found = {**bel.evidence, self.sensor.source(z): info.evidence}
-            ways = tuple(path) if self.techniques.conditioned else self._walk(nodes)
+            ways = tuple(path) if self.techniques.conditioned else self._walk(nodes, step)
             done = replace(bel, nodes=nodes, path=ways, evidence=found)
             yield (
                 done,
@@ -233,18 +233,20 @@ class HierarchicalMCL:
         return handed_over(nodes, key, node, self.nodes.node, now)
 
     def _planned(self, bel: HierarchicalBelief) -> tuple[int, ...]:
-        """The path as it was, and on to the node that it led to."""
-        last = bel.path[-1]
-        half = bel.nodes[last].likelier
-        if half is None or len(bel.path) == self.levels:
-            return bel.path
-        return (*bel.path, 2 * last + half)
+        """The path that the nodes led along, whenever they were updated, and on to the next one."""
+        path = self._walk(bel.nodes, 0)
+        half = bel.nodes[path[-1]].likelier
+        if half is None or len(path) >= self.levels:
+            return path[: self.levels]
+        return (*path, 2 * path[-1] + half)
 
-    def _walk(self, nodes: Mapping[int, Node]) -> tuple[int, ...]:
-        """The path that nodes lead along, whenever they were updated."""
+    @staticmethod
+    def _walk(nodes: Mapping[int, Node], since: int) -> tuple[int, ...]:
+        """The path that nodes lead along which were updated since a step."""
         path = [ROOT]
         while (half := nodes[path[-1]].likelier) is not None:
-            if 2 * path[-1] + half not in nodes:
+            child = nodes.get(2 * path[-1] + half)
+            if child is None or child.updated < since:
                 break
             path.append(2 * path[-1] + half)
         return tuple(path)

@@ -1,4 +1,4 @@
-"""U(x) over the region of a node and what is near it, where its random particles come from."""
+"""U(x) over a region."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from mcloc.statespace import LogWeights, States
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """A part of a domain as an environment of its own. Parts of arcs may pass beyond ±π."""
+    """A part of a domain as an environment of its own."""
 
     domain: Domain
     part: Region

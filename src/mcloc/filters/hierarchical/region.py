@@ -65,17 +65,6 @@ class Region:
         upwards = np.where(circular[:, None], above < below, above > 0.0)
         return np.where(self._within(x), 0.0, np.where(upwards, above, -below))
 
-    def grown(self, margin: NDArray[np.float64], whole: "Region") -> "Region":
-        """With the margin (D,) around it, as far as the whole goes; arcs may pass beyond ±π."""
-        low, high = self.low - margin, self.high + margin
-        circular = np.array(self.space.circular)
-        around = circular & (high - low >= 2.0 * np.pi)
-        low = np.where(circular, low, np.maximum(low, whole.low))
-        high = np.where(circular, high, np.minimum(high, whole.high))
-        return Region(
-            self.space, np.where(around, whole.low, low), np.where(around, whole.high, high)
-        )
-
     def collected(self, x: States, margin: NDArray[np.float64]) -> States:
         """(D, N): the same states, those farther outside than the margin (D,) brought back to it by
         as many margins as that takes: near the border, and as spread out as they were.

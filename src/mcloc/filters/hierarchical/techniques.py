@@ -16,8 +16,8 @@ class Techniques(Configurable):
     2. collect: states outside a node's region are brought back to near its border, so that a move
        may bring them into it; else they are left wherever they are.
     3. virtual: in so many levels from the root on, sensors are virtual low-resolution ones.
-    4. random: a share of random particles enters when particles are weighed; in the node's region
-       and near it, where the paper says the entire domain.
+    4. random: a share of random particles, anywhere in the entire domain, enters when particles are
+       weighed.
     5. conditioned: each level is updated before it says which of its halves is updated next; else
        those nodes are that were on the path before.
     """

@@ -3,7 +3,7 @@ which half they are  [Est §3, Fig. 3 b].
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,11 +44,16 @@ class ZoneOnly:
 
     def models(self, region: Region, axis: int, motion: MotionModel, sensor: SensorModel) -> Models:
         """Averages over the zones."""
-        zones = Zones(self.domain, region, axis, self.points)
+        zones = self.zones(region, axis)
         return ZoneMotion(zones, motion), ZoneSensor(zones, sensor), zones
 
+    @lru_cache(maxsize=1024)  # noqa: B019  as many nodes; what is kept of each are some kilobytes
+    def zones(self, region: Region, axis: int) -> "Zones":
+        """The halves of a node's region."""
+        return Zones(self.domain, region, axis, self.points)
+
     def described(self, region: Region, axis: int, x: States) -> States:
-        """(1, N): the half in which each state is; those outside are in the nearest one."""
+        """(1, N): on which side of the middle each state is, be it in the region or not."""
         return _zones(x[axis] > region.centre[axis])
 
     def half(self, region: Region, axis: int, particles: States) -> NDArray[np.int8]:
@@ -58,9 +63,8 @@ class ZoneOnly:
 
     def states(self, region: Region, axis: int, particles: States) -> States:
         """(D, N): those that stand for the zones, one after the other."""
-        zones = Zones(self.domain, region, axis, self.points)
-        chosen = _index(particles) * self.points + np.arange(particles.shape[1]) % (self.points)
-        return np.take(zones.states, chosen, axis=1)
+        chosen = _index(particles) * self.points + np.arange(particles.shape[1]) % self.points
+        return np.take(self.zones(region, axis).states, chosen, axis=1)
 
     def near(self, region: Region, particles: States) -> NDArray[np.bool_]:
         """(N,): all of them."""
@@ -88,6 +92,12 @@ class Zones:
         return np.concatenate(both, axis=1)
 
     @cached_property
+    def uniform(self) -> NDArray[np.float64]:
+        """(2,): U(zone); halves of which nothing is free are as likely as each other."""
+        amounts = np.array([self.domain.amount(half) for half in self.region.halves(self.axis)])
+        return amounts / amounts.sum() if amounts.any() else np.full(2, 0.5)
+
+    @cached_property
     def log_weights(self) -> LogWeights:
         """(2, K): log p(x | m) of each."""
         return self.domain.environment.log_prior(self.states).reshape(2, -1)
@@ -100,14 +110,12 @@ class Zones:
 
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(1, n): the particles first … first + n − 1."""
-        free = np.exp(self.log_weights).sum(axis=1)
-        u = draws.uniform(Stream.RANDOM_POSE, first, n)[0]
-        return _zones(u * free.sum() >= free[0])
+        return _zones(draws.uniform(Stream.RANDOM_POSE, first, n)[0] >= self.uniform[0])
 
     def log_density(self, x: States) -> LogWeights:
         """(n,): log U(zone)."""
-        free = np.exp(self.log_weights).sum(axis=1)
-        log_u: LogWeights = np.log(free / free.sum())
+        with np.errstate(divide="ignore"):
+            log_u: LogWeights = np.log(self.uniform)
         return log_u[_index(x)]
 
     def log_prior(self, x: States) -> LogWeights:
