@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcloc.draws import Draws
 from mcloc.environment import Tiles
-from mcloc.filters.filter import Filter
+from mcloc.filters.filter import Filter, StepInfo
 from mcloc.filters.hierarchical.description import FullStates
 from mcloc.filters.hierarchical.domain import TileRows
 from mcloc.filters.hierarchical.hierarchical_mcl import HierarchicalMCL
@@ -59,8 +59,8 @@ robot starts on the first tile and steps towards the middle of the row from wher
 the tile with most of the belief. The paper tells no more than that; so the rest is ours:
 
 - *vanilla*: MCL as in its Fig. 1, with 6 or 36 particles, {100 * RANDOM:.0f} % of them random:
-  without these a filter with a precise sensor seldom finds a robot that was carried off, as the
-  paper's does. *None random* is without.
+  without these a filter with a precise sensor finds a robot that was carried off in few runs, where
+  the paper's does. *None random* is without.
 - *coarse*: the virtual low-resolution sensor. The paper asks three properties of it and gives no
   formula. Here a value explains a tile as well as it explains the best tile around, less what that
   is away: over the width of the node's region, or of the row for vanilla MCL, the likelihood falls
@@ -72,15 +72,14 @@ the tile with most of the belief. The paper tells no more than that; so the rest
 - A measurement that none of a set's particles explains leaves their weights as they are. A node
   that the path has not come to for more than {FORGOTTEN} iterations is made anew, of random
   particles.
-- Random particles of a node come from its region and what is near it, where the paper says the
-  entire domain.
 - *zones*: particles only say in which half they are.
 - A node that the path comes back to has what it had when it was left, moved by the steps since; a
   new one random particles. Nothing is taken over from the node above, as `mcloc run` has it.
 - As in the paper a robot has *reached* its place when its error is below {NEAR} tiles for the first
   time. It has *settled* when that begins to hold for {IN_A_ROW} iterations in a row, for the paper
-  judges by curves, on which a lucky iteration does not show. What is not reached in a run counts as
-  the iteration after its last one. *Peaks* are iterations whose error is {NEAR} tiles or more.
+  judges by curves, on which a lucky iteration does not show. Claims about when it is *there* are
+  asked by both. What is not reached in a run counts as the iteration after its last one. *Peaks*
+  are iterations whose error is {NEAR} tiles or more.
 """
 
 
@@ -175,8 +174,9 @@ def driven(
     iterations: int,
     carried_off: int | None = None,
     by: int = 0,
-) -> Iterator[tuple[int, int, Any]]:
-    """The robot's tile, the one that it believes in, and the belief, after each iteration.
+) -> Iterator[tuple[int, int, Any, StepInfo]]:
+    """The robot's tile, the one that it believes in, the belief and what the step tells of itself,
+    after each iteration.
 
     carried_off: after this iteration's step the robot is set down so many tiles farther, around the
     row.
@@ -191,6 +191,6 @@ def driven(
         if k == carried_off:
             x = (x + by) % tiles
         z = sensor.sample(np.array([x]), rng)
-        bel, _ = filter.step(bel, np.array([action]), z, Draws(seed, k))
+        bel, info = filter.step(bel, np.array([action]), z, Draws(seed, k))
         there = believed(filter, bel)
-        yield x, there, bel
+        yield x, there, bel, info
