@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mcloc.experiments import e16_kidnapped as e16
+from mcloc.experiments import yee_claims as claims
 from mcloc.experiments import yee_runs as runs
 from mcloc.experiments.study import Verdict
 from mcloc.experiments.table import Record, Row, Table
@@ -66,7 +67,7 @@ def test_superior_is_with_each_size_in_both_counts() -> None:
         )
 
     assert e16.superior(as_good(("lost_told",), (100_000,))).verdict is Verdict.IN_PART
-    assert e16.superior(as_good(tuple(runs.COUNTS), runs.SIZES)).verdict is Verdict.NOT
+    assert e16.superior(as_good(tuple(claims.COUNTS), runs.SIZES)).verdict is Verdict.NOT
     found = e16.superior(as_good(("lost",), (100_000,)))
     assert "100,000 samples" in found.what
     assert found.figure.value == pytest.approx(-3.0, abs=0.3)
@@ -106,7 +107,7 @@ def test_comparisons_are_corrected_for_each_other() -> None:
 
     table = table_of(close)
     found = e16.compared(table, ("waited_s",), (runs.RANDOM,))
-    theirs, ours = runs.by_seed(
+    theirs, ours = claims.by_seed(
         table,
         "waited_s",
         *({"method": m, "samples": 100} for m in (runs.RANDOM, runs.RENEWING)),

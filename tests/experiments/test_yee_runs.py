@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mcloc.experiments import yee_claims as claims
 from mcloc.experiments import yee_runs as runs
 from mcloc.experiments import yee_world as yee
 from mcloc.experiments.places import Drive
@@ -99,7 +100,7 @@ def test_seeds_are_means_over_paths_of_what_is_known() -> None:
             (0, 3, {"y": None}),
         )
     ]
-    (found,) = runs.by_seed(Table(rows), "y", {"samples": 1})
+    (found,) = claims.by_seed(Table(rows), "y", {"samples": 1})
     assert found.tolist() == [2.0, 4.0]
 
 
@@ -154,7 +155,7 @@ def test_a_run_tells_how_far_off_it_is_at_each_scan(monkeypatch: pytest.MonkeyPa
 def test_flat_is_within_the_margins_with_every_size(
     lost: dict[tuple[str, int], float], error: dict[int, float], verdict: Verdict
 ) -> None:
-    found = runs.flat(curve_of(lost, error))
+    found = claims.flat(curve_of(lost, error))
     assert found.verdict is verdict
     if (runs.RENEWING, 100) in lost:
         assert "with 100 samples than with 100,000" in found.what
@@ -175,4 +176,4 @@ def test_flat_is_within_the_margins_with_every_size(
 def test_as_much_as_60_percent_less_is_with_100_samples(
     lost: dict[tuple[str, int], float], told: float, verdict: Verdict
 ) -> None:
-    assert runs.less_with_few(curve_of(lost, {}, told=told)).verdict is verdict
+    assert claims.less_with_few(curve_of(lost, {}, told=told)).verdict is verdict

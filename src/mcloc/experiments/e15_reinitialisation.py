@@ -14,9 +14,16 @@ from mcloc.experiments.comparisons import ALPHA, graded
 from mcloc.experiments.places import Drive
 from mcloc.experiments.study import Claim, Finding, Study
 from mcloc.experiments.table import Record, Setting, Table
-from mcloc.experiments.yee_runs import (
+from mcloc.experiments.yee_claims import (
     AS_MUCH,
     COUNTS,
+    by_seed,
+    draw_curves,
+    flat,
+    less_with_few,
+    scaled,
+)
+from mcloc.experiments.yee_runs import (
     FEW,
     FILTERS,
     MCL,
@@ -25,13 +32,8 @@ from mcloc.experiments.yee_runs import (
     RENEWING,
     SIZES,
     applies,
-    by_seed,
     composition,
-    draw_curves,
-    flat,
-    less_with_few,
     measured,
-    scaled,
     tracked,
 )
 from mcloc.experiments.yee_world import PATHS, WORLD, driven
@@ -39,7 +41,7 @@ from mcloc.experiments.yee_world import PATHS, WORLD, driven
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SEEDS = 20
+SEEDS = 100
 TRIED = (*SIZES, 300_000)
 RESAMPLED, SEED = 10_000, 15
 

@@ -19,8 +19,8 @@ from mcloc.experiments.comparisons import ALPHA, graded
 from mcloc.experiments.places import Drive
 from mcloc.experiments.study import Claim, Finding, Study, Verdict
 from mcloc.experiments.table import Record, Setting, Table
+from mcloc.experiments.yee_claims import COUNTS, by_seed, draw_curves, flat, scaled
 from mcloc.experiments.yee_runs import (
-    COUNTS,
     FEW,
     FILTERS,
     LOST,
@@ -33,13 +33,9 @@ from mcloc.experiments.yee_runs import (
     SIZES,
     STEADY,
     SWEPT,
-    by_seed,
     composition,
-    draw_curves,
-    flat,
     measured,
     recovery,
-    scaled,
     tracked,
 )
 from mcloc.experiments.yee_runs import applies as usual
@@ -48,7 +44,7 @@ from mcloc.experiments.yee_world import PATHS, WORLD, kidnapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SEEDS = 20
+SEEDS = 100
 FOUND = 0.9  # of the runs, for a filter that recovers
 SHOWN = 0  # the seed whose errors over time are kept
 OTHER_SHARES = tuple(name for name in SHARES if name not in (MCL, RANDOM))
