@@ -1,13 +1,16 @@
 """What a robot reports: events with stamps, in the robot's own frames."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, fields
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.errors import ConfigError
 from mcloc.geometry import Pose
+
+UNKNOWN = -1  # landmark: one of them, or none of them, and nobody knows which
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,10 @@ class Scan:
     below it is no return. source: which of the robot's lasers it comes from.
     """
 
+    called: ClassVar[str] = "scan"
+    empty: ClassVar[str] = "scan without returns"
+    repeats: ClassVar[bool] = True
+
     t: float
     ranges: NDArray[np.float64]
     angles: NDArray[np.float64]
@@ -53,8 +60,131 @@ class Scan:
         within: NDArray[np.bool_] = (r > 0.0) & (r >= self.range_min) & (r < self.range_max)
         return within & (r < np.inf)
 
+    @property
+    def useful(self) -> bool:
+        """Whether anything returned."""
+        return bool(self.returned.any())
 
-Event = Odometry | Scan
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sightings:
+    """Landmarks that a robot saw at one time.
+
+    t: seconds. landmark: (k,) which ones, by their index in the map, UNKNOWN for those whose
+    identity was not told; one that was seen twice is twice there. range: (k,) metres. bearing: (k,)
+    radians from the sensor's heading, positive to the left. NaN for what was not measured. mount:
+    (3,) the sensor's pose in the robot's frame. odometry, novelty, source: as of a Scan. Raises
+    ConfigError for arrays that are not (k,), or landmarks that are no whole numbers from UNKNOWN
+    on.
+    """
+
+    called: ClassVar[str] = "sighting"
+    empty: ClassVar[str] = "sighting without range or bearing"
+    repeats: ClassVar[bool] = False
+
+    t: float
+    landmark: NDArray[np.intp]
+    range: NDArray[np.float64]
+    bearing: NDArray[np.float64]
+    mount: Pose = field(default_factory=lambda: np.zeros(3))
+    odometry: Pose | None = None
+    novelty: float = 1.0
+    source: str = "landmarks"
+
+    def __post_init__(self) -> None:
+        landmark, *measured = (
+            np.asarray(v, dtype=np.float64) for v in (self.landmark, self.range, self.bearing)
+        )
+        if landmark.ndim != 1 or any(v.shape != landmark.shape for v in measured):
+            raise ConfigError(
+                "sightings are a landmark, a range and a bearing each, got shapes "
+                f"{landmark.shape}, {measured[0].shape} and {measured[1].shape}"
+            )
+        if not ((landmark == np.rint(landmark)) & (landmark >= UNKNOWN)).all():
+            raise ConfigError(
+                f"landmarks must be whole numbers from {UNKNOWN} on, got {landmark.tolist()}"
+            )
+        object.__setattr__(self, "landmark", landmark.astype(np.intp))
+        object.__setattr__(self, "range", measured[0])
+        object.__setattr__(self, "bearing", measured[1])
+
+    @property
+    def useful(self) -> bool:
+        """Whether anything was measured."""
+        return bool((np.isfinite(self.range) | np.isfinite(self.bearing)).any())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BeaconRanges:
+    """Distances to radio beacons, measured at one time.
+
+    t: seconds. beacon: (k,) which ones, by their index in the map. range: (k,) metres in space; one
+    that is not > 0, or not finite, is none. antenna: (3,) metres ahead, to the left and up, in the
+    robot's frame. odometry, novelty, source: as of a Scan.
+    """
+
+    called: ClassVar[str] = "beacon reading"
+    empty: ClassVar[str] = "beacon reading without a range"
+    repeats: ClassVar[bool] = True
+
+    t: float
+    beacon: NDArray[np.intp]
+    range: NDArray[np.float64]
+    antenna: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    odometry: Pose | None = None
+    novelty: float = 1.0
+    source: str = "beacons"
+
+    @property
+    def returned(self) -> NDArray[np.bool_]:
+        """(k,): which readings are distances."""
+        return np.isfinite(self.range) & (self.range > 0.0)
+
+    @property
+    def useful(self) -> bool:
+        """Whether any reading is a distance."""
+        return bool(self.returned.any())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Image:
+    """What a camera saw of the ceiling, straight up.
+
+    t: seconds. pixels: (H, W) brightness 0 … 1; the first row is the farthest ahead of the robot,
+    the first column the farthest to its left. odometry, novelty, source: as of a Scan.
+    """
+
+    called: ClassVar[str] = "image"
+    empty: ClassVar[str] = "image without pixels"
+    repeats: ClassVar[bool] = True
+
+    t: float
+    pixels: NDArray[np.float64]
+    odometry: Pose | None = None
+    novelty: float = 1.0
+    source: str = "camera"
+
+    @property
+    def useful(self) -> bool:
+        """Whether any pixel is a number."""
+        return bool(np.isfinite(self.pixels).any())
+
+
+Measurement = Scan | Sightings | BeaconRanges | Image
+"""What a sensor tells. called: its name in messages; empty: that of one that is not `useful`.
+repeats: whether another one from the same place makes the same errors, so that the robot has to
+move before it is news.
+"""
+
+MEASUREMENTS: tuple[type[Measurement], ...] = (Scan, Sightings, BeaconRanges, Image)
+
+Event = Odometry | Measurement
+
+
+def arrays_of(event: Event) -> dict[str, NDArray[np.float64]]:
+    """{name: array} of an event's fields that are arrays."""
+    values = {f.name: getattr(event, f.name) for f in fields(event)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
 class Log(Protocol):

@@ -21,6 +21,7 @@ from mcloc.geometry import compose
 from mcloc.kernels import jit
 from mcloc.localizer import Localizer, Update
 from mcloc.localizer.state import restore, save
+from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.registry import parameters
@@ -55,9 +56,20 @@ NEEDED = {
 """What some parts need to be built, and to do the same each time."""
 
 
+def landmarks():
+    return Landmarks.numbered([[0.0, 3.0], [2.0, 4.0], [3.0, 2.5]])
+
+
+BOUND = {
+    **dict.fromkeys(("sensor", "environment", "people", "sampler"), grid),
+    "sightings": landmarks,
+}
+"""The maps that parts are built with."""
+
+
 def build(kind, name, **settings):
     settings = {**NEEDED.get((kind, name), {}), **settings}
-    bound = (grid(),) if kind in ("sensor", "environment", "people", "sampler") else ()
+    bound = (BOUND[kind](),) if kind in BOUND else ()
     if kind == "sampler":
         bound += build("sensor", "likelihood-field"), build("environment", "free-space")
     return CHOICES[kind].make(name, *bound, **settings)

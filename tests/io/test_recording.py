@@ -106,7 +106,7 @@ def test_the_frames_lead_from_the_laser_to_the_map(
 ) -> None:
     for estimate in estimates:
         laser = in_map(recorded, estimate.t, "laser")
-        expected = compose(estimate.pose, estimate.scan.mount)
+        expected = compose(estimate.pose, estimate.measurement.mount)
         np.testing.assert_allclose(laser[:2, 3], expected[:2], atol=1e-9)
         np.testing.assert_allclose(laser[:2, 0], [np.cos(expected[2]), np.sin(expected[2])])
 
@@ -161,7 +161,7 @@ def test_the_path_is_repeated_when_it_has_doubled(
 
 def test_two_lasers(drive: SimulatedDrive, estimates: list[Estimate], tmp_path: Path) -> None:
     (first, second) = [estimate for estimate in estimates if estimate.updated][:2]
-    rear = replace(second.scan, source="/rear/scan", mount=np.array([-0.2, 0.0, np.pi]))
+    rear = replace(second.measurement, source="/rear/scan", mount=np.array([-0.2, 0.0, np.pi]))
     recorded = record(tmp_path / "bag", drive.grid, [first, replace(second, scan=rear)])
     assert [len(recorded[topic]) for topic in ("/laser", "/rear/scan")] == [1, 1]
     laser = in_map(recorded, second.t, "rear/scan")

@@ -224,7 +224,7 @@ def test_one_laser_keeps_the_filter_busy_for_the_other(world):
     """
     loc = world.localizer(pace=Takes(0.5))
     found = list(loc.run(two_lasers(world, world.path([0.12, 0.0, 0.0], 6))))
-    sources = [(e.t, e.scan.source) for e in found if e.updated]
+    sources = [(e.t, e.measurement.source) for e in found if e.updated]
     assert sources == [
         *((0.0, "front"), (1.01, "rear"), (2.0, "front")),
         *((3.01, "rear"), (4.0, "front"), (5.01, "rear")),
@@ -235,7 +235,7 @@ def test_one_laser_keeps_the_filter_busy_for_the_other(world):
 def test_a_laser_that_never_finds_the_filter_free_is_carried_along(world):
     loc = world.localizer(policy=ALWAYS, pace=Takes(0.5))
     found = list(loc.run(two_lasers(world, world.path([0.12, 0.0, 0.0], 4))))
-    assert [e.scan.source for e in found if e.updated] == ["front"] * 4
+    assert [e.measurement.source for e in found if e.updated] == ["front"] * 4
     assert len(found) == 8
     assert loc.ignored == {LOST: 4}
 

@@ -112,7 +112,7 @@ def test_each_laser_is_used_after_the_distance_and_both_are(world):
     poses = world.path([0.12, 0.0, 0.0], 7)
     found = list(world.localizer().run(two_lasers(world, poses)))
     for source in ("front", "rear"):
-        used = [e.updated for e in found if e.scan.source == source]
+        used = [e.updated for e in found if e.measurement.source == source]
         assert used == [True, False] * 3 + [True]
     assert set(found[-1].update.info.sizes) == {300}
 
@@ -126,7 +126,7 @@ def test_two_lasers_know_more_than_one(world):
     ahead = [e for e in two_lasers(world, poses) if e.source == "front"]
     one = list(world.localizer(20_000).run(ahead))
     wider = [np.linalg.det(a.covariance) for a in one]
-    narrower = [np.linalg.det(b.covariance) for b in both if b.scan.source == "rear"]
+    narrower = [np.linalg.det(b.covariance) for b in both if b.measurement.source == "rear"]
     assert (np.array(narrower) < wider).all()
     assert both[-1].pose == pytest.approx(poses[-1], abs=0.05)
 
@@ -199,7 +199,7 @@ def test_a_slow_laser_is_waited_for(world):
     loc = world.localizer()
     found = list(loc.run(scan for _, scan in arrivals))
     assert [e.t for e in found] == sorted(e.t for e in found)
-    rear = [e for e in found if e.scan.source == "rear"]
+    rear = [e for e in found if e.measurement.source == "rear"]
     assert len(rear) >= 10  # what came before the first of them was not waited for
     assert loc.ignored["late scan"] == 12 - len(rear)
 
@@ -212,7 +212,7 @@ def test_a_laser_that_falls_silent_is_not_waited_for(world):
     for k, pose in enumerate(poses[1:], 1):
         t = 0.1 * k
         done = loc.process(world.scan(t, pose, between(poses[0], pose), "front", FRONT))
-        waited += [t - e.t for e in done if e.scan.source == "front"]
+        waited += [t - e.t for e in done if e.measurement.source == "front"]
     assert max(waited) <= 1.1
     assert waited[-1] == 0.0
 

@@ -5,9 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from mcloc.events import Sightings
 from mcloc.experiments.tile_world import EFOLDS, domain, from_afar
+from mcloc.maps.landmarks import Landmarks
 from mcloc.sensors.grey_tile import GreyTile, PreciseGreyTile
-from mcloc.sensors.landmarks import LandmarkModel, Sightings
+from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.sensors.low_resolution import LEAST, LeftOut, LowResolution
 from mcloc.statespace import LINE, PLANE
 
@@ -193,8 +195,8 @@ def test_any_sensor_can_be_seen_from_afar():
     """Two landmarks' ranges: the modes are the two points where the circles meet, and it falls as
     the power of p does.
     """
-    sensor = LandmarkModel(np.array([[0.0, 0.0], [4.0, 0.0]]))
-    z = Sightings(np.array([0, 1]), np.array([2.5, 2.5]), np.full(2, np.nan))
+    sensor = LandmarkModel(Landmarks.numbered([[0.0, 0.0], [4.0, 0.0]]))
+    z = Sightings(0.0, np.array([0, 1]), np.array([2.5, 2.5]), np.full(2, np.nan))
     grid = np.stack(np.meshgrid(np.linspace(-1, 5, 61), np.linspace(-4, 4, 81))).reshape(2, -1)
     p, low = sensor.log_likelihood(grid, z), LowResolution(sensor, 0.3)
     found = low.log_likelihood(grid, z)

@@ -12,14 +12,16 @@ from scipy.stats import binomtest, kstest, norm
 from mcloc.draws import Draws
 from mcloc.environment import Box
 from mcloc.errors import ConfigError
+from mcloc.events import Sightings
 from mcloc.filters.particle_filter import Part, ParticleFilter
 from mcloc.filters.recovery import NoRandomParticles
 from mcloc.geometry import wrap
+from mcloc.maps.landmarks import Landmarks
 from mcloc.motion.max_distance import MaxDistanceMotion
 from mcloc.proposals.forward import Forward
 from mcloc.resampling import Systematic
 from mcloc.sample_size import Fixed
-from mcloc.sensors.landmarks import LandmarkModel, Sightings
+from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.simulation.soccer import (
     AIBO,
     FOUR_LEGGED,
@@ -158,7 +160,7 @@ def test_one_landmark_more_in_view_leaves_the_others_alone():
 
 
 CELL, INTERVAL, STEPS = 0.05, 1.0, 6
-SENSOR = LandmarkModel(FOUR_LEGGED.places, sigma_range=0.3, sigma_relative=0.3)
+SENSOR = LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places), sigma_range=0.3, sigma_relative=0.3)
 
 
 def moments(x, w):
@@ -206,7 +208,7 @@ def test_a_particle_filter_has_the_posterior_of_a_grid():
     camera = HeadCamera(sigma_range=0.3, sigma_relative=0.3, pan=0.5)
     rng = np.random.default_rng(8)
     looks = [seen(pose, rng, camera) for pose in drive(6, STEPS, INTERVAL)[1:]]
-    ranges = [Sightings(z.landmark, z.range, np.full(len(z.range), np.nan)) for z in looks]
+    ranges = [Sightings(0.0, z.landmark, z.range, np.full(len(z.range), np.nan)) for z in looks]
     assert all(len(z.range) and np.isfinite(z.range).all() for z in ranges)
     wanted = on_a_grid(ranges)
     found = np.array([by_particles(ranges, 4000, seed) for seed in range(16)])
@@ -221,7 +223,10 @@ def test_the_belief_is_as_sure_as_it_may_be():
     """
     rng = np.random.default_rng(9)
     errs = {"sigma_range": 0.3, "sigma_bearing": 0.2, "p_outlier": 0.1}
-    camera, sensor = HeadCamera(pan=np.pi, **errs), LandmarkModel(FOUR_LEGGED.places, **errs)
+    camera, sensor = (
+        HeadCamera(pan=np.pi, **errs),
+        LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places), **errs),
+    )
     where = Box((-2.7, -1.8, -np.pi), (2.7, 1.8, np.pi))
     start = Box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
     part, recovery = Part(1.0, Forward(Systematic()), Fixed(1000)), NoRandomParticles(doubt_below=0)

@@ -80,6 +80,7 @@ class RunConfig:
     recovery: str = Composition.recovery
     people: str = Composition.people
     sampler: str = Composition.sampler
+    sightings: str = Composition.sightings
     pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 

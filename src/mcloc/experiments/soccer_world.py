@@ -18,6 +18,7 @@ from mcloc.filters.hierarchical.node import Equal
 from mcloc.filters.hierarchical.region import Region
 from mcloc.filters.hierarchical.sensing import Sensing
 from mcloc.filters.hierarchical.techniques import Techniques
+from mcloc.maps.landmarks import Landmarks
 from mcloc.motion.max_distance import MaxDistanceMotion
 from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.sensors.low_resolution import LowResolution
@@ -49,7 +50,7 @@ def soccer_filter(techniques: Techniques) -> HierarchicalMCL:
     far, turn = motion.reach(INTERVAL)
     return HierarchicalMCL(
         motion,
-        LandmarkModel(FOUR_LEGGED.places),
+        LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places)),
         domain,
         FullStates(domain, np.array([far, far, turn])),
         Equal(particles=PARTICLES),

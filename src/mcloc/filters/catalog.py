@@ -1,11 +1,12 @@
 """Filters by name: each a composition of the same parts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, cast
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
+from mcloc.events import Measurement, Scan, Sightings
 from mcloc.filters.filter import Filter
 from mcloc.filters.grid_proposal import GridProposal
 from mcloc.filters.hierarchical.kind import Hierarchical
@@ -18,6 +19,7 @@ from mcloc.filters.people import PEOPLE
 from mcloc.filters.recovery import RECOVERIES, WithoutRandomParticles
 from mcloc.filters.sensor_resetting import SensorResetting
 from mcloc.filters.topological import Topological
+from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.dual import Dual
@@ -25,12 +27,15 @@ from mcloc.proposals.forward import Forward
 from mcloc.proposals.mixture import Mixture
 from mcloc.proposals.predictive import ForwardTree
 from mcloc.proposals.relocating import Relocating
+from mcloc.protocols import Environment, PoseSampler, SensorModel
 from mcloc.registry import Configurable, Registry, Value, param, suggest
 from mcloc.resampling import RESAMPLERS
 from mcloc.sample_size import SIZES, Fixed
 from mcloc.sample_size.split import Split
 from mcloc.samplers import SAMPLERS
-from mcloc.sensors import SENSORS
+from mcloc.samplers.fused import FusedSampler
+from mcloc.sensors import SENSORS, SIGHTINGS
+from mcloc.sensors.fused import Fused
 
 
 @dataclass(frozen=True)
@@ -143,7 +148,22 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "recovery": RECOVERIES,
     "people": PEOPLE,
     "sampler": SAMPLERS,
+    "sightings": SIGHTINGS,
 }
+
+
+@dataclass(frozen=True)
+class Aid:
+    """What else than walls a place has for sensors to see. kind: of the parts that model these
+    sensors. measures: what these tell.
+    """
+
+    kind: str
+    measures: type[Measurement]
+
+
+AIDS: Mapping[type, Aid] = {Landmarks: Aid("sightings", Sightings)}
+"""By the map of them."""
 
 
 @dataclass(frozen=True)
@@ -159,17 +179,19 @@ class Composition:
     recovery: str = "augmented"
     people: str = "none"
     sampler: str = "grid-match"
+    sightings: str = "landmarks"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
-    def build(self, grid: OccupancyGrid) -> Filter[Any]:
-        """The filter on a map. Raises ConfigError for unknown names and values that cannot be
-        right.
+    def build(self, grid: OccupancyGrid, *aids: Any) -> Filter[Any]:
+        """The filter on a map, with maps of what else sensors see there, of the types in AIDS.
+        Raises ConfigError for unknown names and values that cannot be right.
         """
         for kind in self.settings:
             if kind not in REGISTRIES:
                 raise ConfigError(f"unknown part {kind!r}; {suggest(kind, REGISTRIES)}")
         composed: FilterKind = self._part("filter")
-        sensor, environment = self._part("sensor", grid), self._part("environment", grid)
+        environment = self._part("environment", grid)
+        sensor = self._sensor(grid, aids)
         return composed.compose(
             Models(
                 grid=grid,
@@ -180,9 +202,29 @@ class Composition:
                 resampler=self._part("resampler"),
                 recovery=self._part("recovery"),
                 people=self._part("people", grid),
-                sampler=lambda: self._part("sampler", grid, sensor, environment),
+                sampler=lambda: self._sampler(grid, sensor, environment),
             )
         )
+
+    def _sensor(self, grid: OccupancyGrid, aids: Sequence[Any]) -> SensorModel:
+        """The model of scans; with aids, one of all that the place has something for."""
+        if not aids:
+            return cast(SensorModel, self._part("sensor", grid))
+        models = {AIDS[type(aid)].measures: self._part(AIDS[type(aid)].kind, aid) for aid in aids}
+        if grid.occupied.any():
+            models[Scan] = self._part("sensor", grid)
+        return Fused(models)
+
+    def _sampler(
+        self, grid: OccupancyGrid, sensor: SensorModel, environment: Environment
+    ) -> PoseSampler:
+        if not isinstance(sensor, Fused):
+            return cast(PoseSampler, self._part("sampler", grid, sensor, environment))
+        samplers: dict[type[Measurement], PoseSampler] = {}
+        for measures, model in sensor.models.items():
+            if measures is Scan:
+                samplers[measures] = self._part("sampler", grid, model, environment)
+        return FusedSampler(samplers)
 
     def _part(self, kind: str, *bound: object) -> Any:
         return REGISTRIES[kind].make(getattr(self, kind), *bound, **self.settings.get(kind, {}))

@@ -62,7 +62,7 @@ class LogInspection:
             with np.errstate(over="ignore", invalid="ignore"):  # a damaged log may hold any number
                 if isinstance(event, Odometry):
                     self._wheels(event)
-                else:
+                elif isinstance(event, Scan):
                     self._scan(event)
             yield event
 

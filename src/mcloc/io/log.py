@@ -88,7 +88,7 @@ class _FileLog:
             if reason := _unusable(event):
                 skipped[reason] += 1
                 continue
-            useful = useful or (isinstance(event, Scan) and bool(event.returned.any()))
+            useful = useful or (not isinstance(event, Odometry) and event.useful)
             yield event
         if not useful:
             raise LogError(
@@ -108,9 +108,10 @@ def _unusable(event: Event) -> str | None:
             return f"odometry beyond {FAR:g} m"
     if isinstance(event, Odometry):
         return None
-    if len(event.ranges) == 0:
+    if isinstance(event, Scan) and len(event.ranges) == 0:
         return "scan without beams"
-    return None if np.isfinite(event.mount).all() else "mount not finite"
+    mount = getattr(event, "mount", np.zeros(3))
+    return None if np.isfinite(mount).all() else "mount not finite"
 
 
 def _text_events(

@@ -18,6 +18,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.events import Scan
 from mcloc.geometry import Pose, Poses, compose, inverse
 from mcloc.io.bag_writer import BASE, MAP, ODOM, BagWriter
 from mcloc.localizer import Estimate
@@ -66,7 +67,8 @@ class Recording:
         bag.transform(t, ODOM, BASE, estimate.odometry)
         bag.pose("/amcl_pose", t, estimate.pose, estimate.covariance)
         if estimate.updated:
-            bag.scan(estimate.scan)
+            if isinstance(estimate.measurement, Scan):
+                bag.scan(estimate.measurement)
             bag.cloud("/particle_cloud", t, thinned(estimate.update.particles, MOST_PARTICLES))
         self._stamps.append(t)
         self._poses.append(estimate.pose)

@@ -1,4 +1,4 @@
-"""Estimate: where the robot is at the stamp of a scan, and what that rests on."""
+"""Estimate: where the robot is at the stamp of a measurement, and what that rests on."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.estimate import Hypothesis
-from mcloc.events import Scan
+from mcloc.events import Measurement
 from mcloc.filters.filter import StepInfo
 from mcloc.geometry import Pose, compose, transported
 from mcloc.particles import Particles
@@ -17,8 +17,8 @@ class Update:
     """What the filter found at its last update.
 
     step: its number, from 1. info: of the filter's step. particles: after it. hypotheses: at the
-    time of the update. explained: share of the scan's returns that the map explains at the best
-    hypothesis, NaN without returns. duration: seconds of computing.
+    time of the update. explained: share of the readings that the map explains at the best
+    hypothesis, NaN without readings. duration: seconds of computing.
     """
 
     step: int
@@ -31,14 +31,14 @@ class Update:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Estimate:
-    """Where the robot is at the stamp of a scan, map frame.
+    """Where the robot is at the stamp of a measurement, map frame.
 
-    scan: the scan. odometry: (3,) the wheels' pose at its stamp, odometry frame. hypotheses: most
-    likely first, carried along by odometry since the update. update: the last one. updated: whether
-    it was made with this very scan.
+    measurement: what a sensor told then, such as a Scan. odometry: (3,) the wheels' pose at its
+    stamp, odometry frame. hypotheses: most likely first, carried along by odometry since the
+    update. update: the last one. updated: whether it was made with this very measurement.
     """
 
-    scan: Scan
+    measurement: Measurement
     odometry: Pose
     hypotheses: tuple[Hypothesis, ...]
     update: Update
@@ -46,8 +46,8 @@ class Estimate:
 
     @property
     def t(self) -> float:
-        """Seconds: the scan's stamp."""
-        return self.scan.t
+        """Seconds: the measurement's stamp."""
+        return self.measurement.t
 
     @property
     def pose(self) -> Pose:

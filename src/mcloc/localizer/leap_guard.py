@@ -5,12 +5,12 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from mcloc.events import Odometry, Scan
+from mcloc.events import Measurement, Odometry
 
 LEAP = 10.0  # s
 CONVINCED = 3  # events in a row: then the clock has been set back
 
-E = TypeVar("E", Odometry, Scan)
+E = TypeVar("E", bound=Odometry | Measurement)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import secrets
 import time
 from bisect import insort
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from mcloc.density import FAR
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis
-from mcloc.events import Event, Odometry, Scan
+from mcloc.events import Event, Measurement, Odometry
 from mcloc.filters.catalog import Composition
 from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
@@ -29,24 +29,26 @@ from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.protocols import Density
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
-MOST_WAITING = 1000  # scans without odometry
-LATENCY = 1.0  # s that a scan of one laser waits for those of another
+MOST_WAITING = 1000  # measurements without odometry
+LATENCY = 1.0  # s that a measurement of one sensor waits for those of another
 
 
 class Localizer:
-    """Localizes one robot on one map, by all of its lasers.
+    """Localizes one robot on one map, by all of its sensors.
 
-    grid: the map. filter: a name of the catalog or a Composition of parts. seed: 0 … 2⁶⁴ − 1; None
-    takes a fresh one, to be read from `seed`. initial: (3,) start pose in the map frame (m, m,
-    rad), or None to start from nothing (global localization). initial_sigma: (3,) its standard
-    deviations. Raises McLocError for anything that cannot be right.
+    grid: the map. filter: a name of the catalog or a Composition of parts. aids: maps of what else
+    its sensors see, such as Landmarks. seed: 0 … 2⁶⁴ − 1; None takes a fresh one, to be read from
+    `seed`. initial: (3,) start pose in the map frame (m, m, rad), or None to start from nothing
+    (global localization). initial_sigma: (3,) its standard deviations. Raises McLocError for
+    anything that cannot be right.
 
-    Each laser has its own test of whether the robot has moved far enough for its next scan to be
-    used; `policy` says how far. `pace` says how long the filter is then busy: scans that it would
-    have used meanwhile are lost, and counted in `ignored`; None loses none. Call `set_pose`,
-    `start_globally`, `force_update` and `swap_map` between two events. `belief` makes one to go on
-    with instead of a start: not every filter can start from nothing. `withheld` are the scans of
-    the last event for which the filter told no pose: the stamp of each, and the wheels' pose.
+    Each sensor has its own test of whether the robot has moved far enough for its next scan or
+    image to be used; `policy` says how far. Sightings of landmarks are all used. `pace` says how
+    long the filter is then busy: scans that it would have used meanwhile are lost, and counted in
+    `ignored`; None loses none. Call `set_pose`, `start_globally`, `force_update` and `swap_map`
+    between two events. `belief` makes one to go on with instead of a start: not every filter can
+    start from nothing. `withheld` are the measurements of the last event for which the filter told
+    no pose: the stamp of each, and the wheels' pose.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Localizer:
         grid: OccupancyGrid,
         filter: str | Composition = "mixture",
         *,
+        aids: Sequence[Any] = (),
         seed: int | None = None,
         initial: ArrayLike | None = None,
         initial_sigma: ArrayLike = INITIAL_SIGMA,
@@ -62,19 +65,19 @@ class Localizer:
         belief: Callable[[Filter[Any]], Belief] | None = None,
     ) -> None:
         self.composition = Composition(filter=filter) if isinstance(filter, str) else filter
-        self.grid = grid
+        self.grid, self.aids = grid, tuple(aids)
         self.seed = secrets.randbits(32) if seed is None else operator.index(seed)
         self.policy = policy or UpdatePolicy()
         self.pace = pace or Offline()
-        self.filter = self.composition.build(grid)
+        self.filter = self.composition.build(grid, *self.aids)
         self.ignored: Counter[str] = Counter()
         self.withheld: list[tuple[float, Pose]] = []
         self.step = 0  # of the random numbers; each start and each update takes one
         self.update: Update | None = None
         self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
         self._odometry = OdometryBuffer(self.ignored)
-        self._guard: LeapGuard[Scan] = LeapGuard()
-        self._waiting: list[Scan] = []
+        self._guard: LeapGuard[Measurement] = LeapGuard()
+        self._waiting: list[Measurement] = []
         self._newest: defaultdict[str, float] = defaultdict(lambda: -np.inf)  # by laser, s
         self._done = -np.inf  # s, stamp of the last estimate
         self._used_at: dict[str, Pose] = {}  # by laser: odometry at its last scan that was used
@@ -113,22 +116,22 @@ class Localizer:
             return []
         passed = self._guard.passed(event)
         if passed.wrong is not None:
-            self.ignored["scan stamp from the future"] += 1
+            self.ignored[f"{event.called} stamp from the future"] += 1
         if passed.set_back:
-            self.ignored["clock of scans set back"] += 1
+            self.ignored[f"clock of {event.called}s set back"] += 1
             self._waiting.clear()
             self._newest.clear()
             self._done = self._busy_until = -np.inf
-        for scan in passed.events:
-            self._queue(scan)
+        for measurement in passed.events:
+            self._queue(measurement)
         return self._release()
 
     def finish(self) -> list[Estimate]:
         """Estimates for the scans that still wait; they take the last odometry there is."""
         self.withheld = []
         self._odometry.finish()
-        for scan in self._guard.rest():
-            self._queue(scan)
+        for measurement in self._guard.rest():
+            self._queue(measurement)
         return self._release(final=True)
 
     def set_pose(self, pose: ArrayLike, covariance: ArrayLike) -> None:
@@ -152,7 +155,7 @@ class Localizer:
 
         How well scans fit is learned anew: likelihoods on two maps do not compare.
         """
-        self.filter = self.composition.build(grid)
+        self.filter = self.composition.build(grid, *self.aids)
         self.grid = grid
         self.belief = self.filter.adopted(self.belief)
 
@@ -167,100 +170,98 @@ class Localizer:
         self.step += 1
         return belief
 
-    def _queue(self, scan: Scan) -> None:
-        """Let a scan wait for its turn, unless it comes twice or too late."""
-        newest = self._newest[scan.source]
-        if scan.t == newest:
-            self.ignored["duplicate scan"] += 1
+    def _queue(self, z: Measurement) -> None:
+        """Let a measurement wait for its turn, unless it comes twice or too late."""
+        newest = self._newest[z.source]
+        if z.t == newest:
+            self.ignored[f"duplicate {z.called}"] += 1
             return
-        self._newest[scan.source] = max(scan.t, newest)
-        if scan.t < max(self._done, newest):
-            self.ignored["late scan"] += 1
+        self._newest[z.source] = max(z.t, newest)
+        if z.t < max(self._done, newest):
+            self.ignored[f"late {z.called}"] += 1
             return
-        insort(self._waiting, scan, key=lambda waiting: waiting.t)
+        insort(self._waiting, z, key=lambda waiting: waiting.t)
         if len(self._waiting) > MOST_WAITING:
-            self._waiting.pop(0)
-            self.ignored["scan without odometry"] += 1
+            gone = self._waiting.pop(0)
+            self.ignored[f"{gone.called} without odometry"] += 1
 
     def _release(self, final: bool = False) -> list[Estimate]:
-        """Process the waiting scans whose odometry is known by now."""
+        """Process the waiting measurements whose odometry is known by now."""
         done = []
         while self._waiting:
-            scan = self._waiting[0]
-            if not final and not self._ready(scan):
+            z = self._waiting[0]
+            if not final and not self._ready(z):
                 break
             self._waiting.pop(0)
-            at = scan.odometry if scan.odometry is not None else self._odometry.at(scan.t)
+            at = z.odometry if z.odometry is not None else self._odometry.at(z.t)
             if at is None:
-                self.ignored["scan without odometry"] += 1
-            elif (estimate := self._localize(scan, at)) is not None:
+                self.ignored[f"{z.called} without odometry"] += 1
+            elif (estimate := self._localize(z, at)) is not None:
                 done.append(estimate)
         return done
 
-    def _ready(self, scan: Scan) -> bool:
-        """Whether its odometry is known, and no other laser may still bring an older scan."""
-        if scan.odometry is None and not self._odometry.reaches(scan.t):
+    def _ready(self, z: Measurement) -> bool:
+        """Whether its odometry is known, and no other sensor may still bring something older."""
+        if z.odometry is None and not self._odometry.reaches(z.t):
             return False
         newest = max(*self._newest.values(), self._odometry.guard.newest)
-        return newest - scan.t > LATENCY or not any(
-            scan.t - LATENCY < t < scan.t for t in self._newest.values()
+        return newest - z.t > LATENCY or not any(
+            z.t - LATENCY < t < z.t for t in self._newest.values()
         )
 
-    def _localize(self, scan: Scan, at: Pose) -> Estimate | None:
+    def _localize(self, z: Measurement, at: Pose) -> Estimate | None:
         """Update if due and free to, and carry the hypotheses along the odometry otherwise. None
         while the filter withholds its estimate.
         """
-        self._done = scan.t
+        self._done = z.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
-        last = self._used_at.get(scan.source)
+        last = self._used_at.get(z.source)
         moved = None if last is None else between(last, at)
         doubtful = self.update is not None and self.update.info.doubt > 0.0
-        due = moved is None or self._forced or self.policy.due(moved, doubtful)
-        if due and scan.t < self._busy_until:
-            self.ignored["scan while the filter was busy"] += 1
+        due = moved is None or self._forced or not z.repeats or self.policy.due(moved, doubtful)
+        if due and z.t < self._busy_until:
+            self.ignored[f"{z.called} while the filter was busy"] += 1
             due = False
         if due:
-            novelty = 1.0 if moved is None else self.policy.novelty(moved)
-            self.update = self._measure(replace(scan, novelty=novelty), u)
-            beams = self.filter.sensor.beams(scan)
-            self._busy_until = scan.t + self.pace.seconds(self.update, beams)
-            self._used_at[scan.source] = self._stepped_at = at
+            news = 1.0 if moved is None or not z.repeats else self.policy.novelty(moved)
+            self.update = self._measure(replace(z, novelty=news), u)
+            beams = self.filter.sensor.beams(z)
+            self._busy_until = z.t + self.pace.seconds(self.update, beams)
+            self._used_at[z.source] = self._stepped_at = at
             self._forced = False
             u = np.zeros(3)
-        assert self.update is not None  # the first scan after a start is always used
+        assert self.update is not None  # the first measurement after a start is always used
         self.hypotheses = tuple(carried(h, u) for h in self.update.hypotheses)
         if not self.hypotheses:
-            self.ignored["scan while the filter withheld its estimate"] += 1
-            self.withheld.append((scan.t, at))
+            self.ignored[f"{z.called} while the filter withheld its estimate"] += 1
+            self.withheld.append((z.t, at))
             return None
-        return Estimate(scan, at, self.hypotheses, self.update, due)
+        return Estimate(z, at, self.hypotheses, self.update, due)
 
-    def _measure(self, scan: Scan, u: NDArray[np.float64]) -> Update:
+    def _measure(self, z: Measurement, u: NDArray[np.float64]) -> Update:
         """A step of the filter, and how long it takes. A pace that goes by that has the first one
         made twice: its time is that of loading the kernels, or of compiling them (7 s).
         """
         for _ in range(2 if self.pace.clocked and not self._warm else 1):
             began = time.perf_counter()
-            belief, info = self.filter.step(self.belief, u, scan, Draws(self.seed, self.step))
+            belief, info = self.filter.step(self.belief, u, z, Draws(self.seed, self.step))
             found = self.filter.hypotheses(belief)
             explained = float("nan")
             if found:
                 best = np.ascontiguousarray(found[0].mean[:, None])
-                explained = float(self.filter.sensor.explained(best, scan)[0])
+                explained = float(self.filter.sensor.explained(best, z)[0])
             took = time.perf_counter() - began
         self.belief, self._warm = belief, True
         self.step += 1
         return Update(self.step - 1, info, belief.particles, found, explained, took)
 
 
-def _broken(scan: Scan) -> str:
-    """Why a scan can be of no use, or nothing."""
-    if not np.isfinite(scan.t):
-        return "scan stamp not finite"
-    if scan.odometry is not None and not np.isfinite(scan.odometry).all():
+def _broken(z: Measurement) -> str:
+    """Why a measurement can be of no use, or nothing."""
+    if not np.isfinite(z.t):
+        return f"{z.called} stamp not finite"
+    if z.odometry is not None and not np.isfinite(z.odometry).all():
         return "odometry not finite"
-    if scan.odometry is not None and (np.abs(scan.odometry[:2]) >= FAR).any():
+    if z.odometry is not None and (np.abs(z.odometry[:2]) >= FAR).any():
         return "odometry off any map"
-    if not scan.returned.any():
-        return "scan without returns"
-    return ""
+    return "" if z.useful else z.empty

@@ -1,6 +1,7 @@
 """A Localizer's complete state as values and arrays: a restored one goes on with the same bytes."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,12 @@ import numpy as np
 
 from mcloc.errors import ConfigError, StateError
 from mcloc.estimate import Hypothesis
-from mcloc.events import Odometry, Scan
+from mcloc.events import MEASUREMENTS, Measurement, Odometry, arrays_of
 from mcloc.filters.catalog import Composition
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.recovery import Evidence
 from mcloc.localizer.estimate import Update
-from mcloc.localizer.leap_guard import E, LeapGuard
+from mcloc.localizer.leap_guard import LeapGuard
 from mcloc.localizer.localizer import Localizer
 from mcloc.localizer.pace import PACES, Pace
 from mcloc.localizer.policy import UpdatePolicy
@@ -23,7 +24,7 @@ from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 4
+VERSION = 5
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
@@ -35,26 +36,29 @@ def save(localizer: Localizer, path: str | Path) -> None:
     write_state(path, {"version": VERSION, **values}, arrays)
 
 
-def restore(path: str | Path, grid: OccupancyGrid) -> Localizer:
-    """The localizer that was saved; grid: the map it was on.
+def restore(path: str | Path, grid: OccupancyGrid, aids: Sequence[Any] = ()) -> Localizer:
+    """The localizer that was saved; grid, aids: the maps it was on.
 
     Raises StateError for a file that is damaged or was saved on another map.
     """
     values, arrays = read_state(path, VERSION)
-    return unpacked(str(path), values, arrays, grid)
+    return unpacked(str(path), values, arrays, grid, aids)
 
 
 def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
     """The state as what JSON knows, and as arrays."""
     belief, update = localizer.belief, localizer.update
     packed, of_belief = localizer.filter.packed(belief)
+    held = [] if localizer._guard.held is None else [localizer._guard.held]
+    wheels = localizer._odometry.guard.held
     arrays: Arrays = {
         **{f"belief.{name}": array for name, array in of_belief.items()},
         "odometry": _odometry_rows(localizer._odometry.events),
-        "odometry_held": _odometry_rows(_held(localizer._odometry.guard.held)),
+        "odometry_held": _odometry_rows([] if wheels is None else [wheels]),
     }
     values: dict[str, Any] = {
         "map": localizer.grid.checksum,
+        "aids": [aid.checksum for aid in localizer.aids],
         "composition": asdict(localizer.composition),
         "policy": asdict(localizer.policy),
         "pace": _pace(localizer.pace),
@@ -71,8 +75,8 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
         "forced": localizer._forced,
         "busy_until": str(localizer._busy_until),
-        "waiting": [_scan(s, f"waiting{k}", arrays) for k, s in enumerate(localizer._waiting)],
-        "held": [_scan(s, "held", arrays) for s in _held(localizer._guard.held)],
+        "waiting": [_measured(z, f"waiting{k}", arrays) for k, z in enumerate(localizer._waiting)],
+        "held": [_measured(z, "held", arrays) for z in held],
         "hypotheses": _listed(localizer.hypotheses),
         "update": None,
     }
@@ -87,17 +91,27 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
     return values, arrays
 
 
-def unpacked(path: str, values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Localizer:
+def unpacked(
+    path: str, values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid, aids: Sequence[Any] = ()
+) -> Localizer:
     """The localizer that `packed` describes. path: for messages. Raises StateError."""
     try:
         if values["map"] != grid.checksum:
             raise StateError(f"{path}: was saved on another map than {grid.name}; give that one")
-        return _unpacked(values, arrays, grid)
+        if values["aids"] != [aid.checksum for aid in aids]:
+            given = ", ".join(aid.name for aid in aids) or "none"
+            raise StateError(
+                f"{path}: was saved with other maps of landmarks, beacons or the ceiling than "
+                f"{given}; give those"
+            )
+        return _unpacked(values, arrays, grid, aids)
     except (KeyError, TypeError, ValueError) as cause:
         raise StateError(f"{path}: damaged, or of another mcloc ({cause!r})") from cause
 
 
-def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Localizer:
+def _unpacked(
+    values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid, aids: Sequence[Any]
+) -> Localizer:
     evidence = {source: Evidence(**e) for source, e in values["evidence"].items()}
     of_belief = {
         name.removeprefix("belief."): array
@@ -107,6 +121,7 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
     localizer = Localizer(
         grid,
         Composition(**values["composition"]),
+        aids=aids,
         seed=values["seed"],
         policy=UpdatePolicy(**values["policy"]),
         pace=PACES.make(values["pace"]["name"], **values["pace"]["settings"]),
@@ -120,10 +135,10 @@ def _unpacked(values: dict[str, Any], arrays: Arrays, grid: OccupancyGrid) -> Lo
         odometry.guard.held = Odometry(float(row[0]), row[1:])
     _set(odometry.guard, values["odometry_guard"])
     _set(localizer._guard, values["scan_guard"])
-    for scan in values["held"]:
-        localizer._guard.held = _scan_of(scan, "held", arrays)
+    for z in values["held"]:
+        localizer._guard.held = _measurement(z, "held", arrays)
     localizer._waiting = [
-        _scan_of(scan, f"waiting{k}", arrays) for k, scan in enumerate(values["waiting"])
+        _measurement(z, f"waiting{k}", arrays) for k, z in enumerate(values["waiting"])
     ]
     localizer._newest.update({source: float(t) for source, t in values["newest"].items()})
     localizer._done = float(values["done"])
@@ -172,25 +187,21 @@ def _set(guard: LeapGuard[Any], values: list[Any]) -> None:
     guard.newest, guard.behind = float(values[0]), values[1]
 
 
-def _held(event: E | None) -> list[E]:
-    return [] if event is None else [event]
-
-
 def _odometry_rows(events: Any) -> Any:
     return np.array([(e.t, *e.pose) for e in events], dtype=np.float64).reshape(-1, 4)
 
 
-_ARRAYS = ("ranges", "angles", "mount", "odometry")
+_KINDS = {kind.__name__: kind for kind in MEASUREMENTS}
 
 
-def _scan(scan: Scan, name: str, arrays: Arrays) -> dict[str, Any]:
-    """The values of a scan; its arrays go to `arrays`."""
-    for key in _ARRAYS:
-        if getattr(scan, key) is not None:
-            arrays[f"{name}.{key}"] = getattr(scan, key)
-    return {f.name: getattr(scan, f.name) for f in fields(scan) if f.name not in _ARRAYS}
+def _measured(z: Measurement, name: str, arrays: Arrays) -> dict[str, Any]:
+    """The values of a measurement; its arrays go to `arrays`."""
+    own = arrays_of(z)
+    arrays.update({f"{name}.{key}": array for key, array in own.items()})
+    values = {f.name: getattr(z, f.name) for f in fields(z) if f.name not in own}
+    return {"kind": type(z).__name__, "values": values, "arrays": list(own)}
 
 
-def _scan_of(values: dict[str, Any], name: str, arrays: Arrays) -> Scan:
-    found: dict[str, Any] = {key: arrays.get(f"{name}.{key}") for key in _ARRAYS}
-    return Scan(**values, **found)
+def _measurement(packed: dict[str, Any], name: str, arrays: Arrays) -> Measurement:
+    own = {key: arrays[f"{name}.{key}"] for key in packed["arrays"]}
+    return _KINDS[packed["kind"]](**{**packed["values"], **own})

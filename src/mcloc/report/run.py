@@ -10,7 +10,7 @@ import numpy as np
 
 from mcloc.config import RunConfig
 from mcloc.errors import LogError, StateError
-from mcloc.events import Event, Scan
+from mcloc.events import Event, arrays_of
 from mcloc.io.bag_map import read_map
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
@@ -146,8 +146,10 @@ class Run:
 
 def fingerprint(event: Event) -> str:
     """Tells one event from another."""
-    reading = event.ranges if isinstance(event, Scan) else event.pose
-    return hashlib.sha256(np.array([event.t, *reading]).tobytes()).hexdigest()
+    told = hashlib.sha256(np.float64(event.t).tobytes())
+    for array in arrays_of(event).values():
+        told.update(array.tobytes())
+    return told.hexdigest()
 
 
 def _grid(config: RunConfig) -> OccupancyGrid:

@@ -3,6 +3,7 @@
 from mcloc.protocols import SensorModel
 from mcloc.registry import Registry
 from mcloc.sensors.beam_presets import FourPartBeams, Fox01Beams, YeeBeams
+from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.sensors.likelihood_field import LikelihoodField
 
 SENSORS: Registry[SensorModel] = Registry(
@@ -14,3 +15,7 @@ SENSORS: Registry[SensorModel] = Registry(
         "beam-yee": YeeBeams,
     },
 )
+"""Of scans."""
+
+SIGHTINGS: Registry[SensorModel] = Registry("sightings", {"landmarks": LandmarkModel})
+"""Of sightings of landmarks."""

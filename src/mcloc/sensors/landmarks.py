@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.errors import ConfigError
+from mcloc.events import Sightings
 from mcloc.geometry import wrap
+from mcloc.maps.landmarks import Landmarks
 from mcloc.motion.left_invariant import log_wrapped_normal
 from mcloc.registry import Configurable, param
 from mcloc.statespace import LogWeights, States
@@ -25,50 +27,18 @@ NOTHING = 1e-9  # readings that an empty sighting is worth: it must be > 0
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Sightings:
-    """Landmarks that a robot saw at one time.
-
-    landmark: (k,) which ones, by their index in the map; one that was seen twice is twice there.
-    range: (k,) metres. bearing: (k,) radians from the robot's heading, positive to the left. NaN
-    for what was not measured. source: which of the robot's sensors saw them. Raises ConfigError
-    for arrays that are not (k,), or landmarks that are no whole numbers.
-    """
-
-    landmark: NDArray[np.intp]
-    range: Array
-    bearing: Array
-    source: str = "landmarks"
-
-    def __post_init__(self) -> None:
-        landmark, *measured = (
-            np.asarray(v, dtype=np.float64) for v in (self.landmark, self.range, self.bearing)
-        )
-        if landmark.ndim != 1 or any(v.shape != landmark.shape for v in measured):
-            raise ConfigError(
-                "sightings are a landmark, a range and a bearing each, got shapes "
-                f"{landmark.shape}, {measured[0].shape} and {measured[1].shape}"
-            )
-        if not (landmark == np.rint(landmark)).all():
-            raise ConfigError(f"landmarks must be whole numbers, got {landmark.tolist()}")
-        object.__setattr__(self, "landmark", landmark.astype(np.intp))
-        object.__setattr__(self, "range", measured[0])
-        object.__setattr__(self, "bearing", measured[1])
-
-
 @dataclass(frozen=True, eq=False)
 class LandmarkModel(Configurable):
     """Range and bearing to landmarks of known identity, for poses (3, n), map frame; for places
     (2, n) ranges alone.
 
-    places: (L, 2) metres, map frame. What the sensor reports is taken as it comes: neither that a
-    landmark was not seen nor that a quantity was not measured says anything. A range that is not in
-    (0, range_max] is none, and neither is one that is NaN. Raises ConfigError for places that are
-    no table of finite x, y; for a landmark that is not in it; and for a bearing where states have
-    no heading.
+    What the sensor reports is taken as it comes: neither that a landmark was not seen nor that a
+    quantity was not measured says anything. A range that is not in (0, range_max] is none, and
+    neither is one that is NaN. Raises ConfigError for a landmark that is not in the map, and for a
+    bearing where states have no heading.
     """
 
-    places: Array
+    landmarks: Landmarks
     sigma_range: float = param(0.05, "m", "deviation of a range to 0 m", above=0, high=100)
     sigma_relative: float = param(
         0.1, "m/m", "deviation per distance, in quadrature", low=0, high=10
@@ -79,12 +49,10 @@ class LandmarkModel(Configurable):
         0.01, "", "ε: chance that a range or a bearing is anything", above=0, high=1
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        places = np.array(self.places, dtype=np.float64)
-        if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
-            raise self.wrong(f"places must be a table of finite x, y, got shape {places.shape}")
-        object.__setattr__(self, "places", places)
+    @property
+    def places(self) -> Array:
+        """(L, 2): of the landmarks, metres, map frame."""
+        return self.landmarks.places
 
     def sigma(self, d: Array) -> Array:
         """σ_d, metres, at a distance d."""

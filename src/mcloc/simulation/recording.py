@@ -50,7 +50,7 @@ def _mcap(drive: SimulatedDrive, folder: Path) -> None:
             if isinstance(event, Odometry):
                 bag.odometry("/odom", event)
                 bag.transform(event.t, ODOM, BASE, event.pose)
-            else:
+            elif isinstance(event, Scan):
                 bag.scan(event)
                 true = drive.truth.at(np.array([event.t]))[0]
                 bag.pose("/ground_truth/pose", event.t, true)
@@ -69,8 +69,10 @@ def _carmen(drive: SimulatedDrive, folder: Path) -> None:
             side = "rear" if source == "rear" else "front"
             log.write(f"PARAM robot_{side}_laser_max {scan.range_max}\n".encode())
         for event in drive.events:
-            line = _laser(event) if isinstance(event, Scan) else _odom(event)
-            log.write(f"{line}\n".encode())
+            if isinstance(event, Scan):
+                log.write(f"{_laser(event)}\n".encode())
+            elif isinstance(event, Odometry):
+                log.write(f"{_odom(event)}\n".encode())
 
 
 _LOGS = {"carmen": _carmen, "mcap": _mcap}

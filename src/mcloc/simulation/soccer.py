@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mcloc.errors import ConfigError
+from mcloc.events import Sightings
 from mcloc.geometry import Poses, wrap
 from mcloc.registry import Configurable, param
-from mcloc.sensors.landmarks import Sightings
 
 SPEED = 0.3  # m/s
 TURN = 1.5  # rad/s
@@ -151,4 +151,4 @@ def seen(
     b = np.where(bearing_is_wrong, 2.0 * np.pi * any_bearing, bearing)
     b += np.where(bearing_is_wrong, 0.0, camera.sigma_bearing * for_bearing)
     shown = np.flatnonzero(np.abs(bearing) <= camera.view)
-    return Sightings(shown, r[shown], wrap(b[shown]))
+    return Sightings(0.0, shown, r[shown], wrap(b[shown]))

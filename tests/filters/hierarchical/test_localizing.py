@@ -13,6 +13,7 @@ from scipy.stats import binom
 from tests.filters.hierarchical.worlds import forward, hierarchy, transition
 
 from mcloc.draws import Draws, Stream
+from mcloc.events import Sightings
 from mcloc.filters.hierarchical.description import FullStates
 from mcloc.filters.hierarchical.domain import Boxes
 from mcloc.filters.hierarchical.hierarchical_mcl import HierarchicalMCL
@@ -21,9 +22,10 @@ from mcloc.filters.hierarchical.region import Region
 from mcloc.filters.hierarchical.sensing import Sensing
 from mcloc.filters.hierarchical.techniques import Techniques
 from mcloc.filters.recovery import NoRandomParticles
+from mcloc.maps.landmarks import Landmarks
 from mcloc.motion.max_distance import MaxDistanceMotion
 from mcloc.sensors.grey_tile import PreciseGreyTile
-from mcloc.sensors.landmarks import LandmarkModel, Sightings
+from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.sensors.low_resolution import LowResolution
 from mcloc.simulation.soccer import FOUR_LEGGED, SPEED, TURN, drive, seen
 from mcloc.statespace import PLANE, SE2
@@ -99,7 +101,7 @@ def soccer_tree(space, levels, n=200):
     chosen = Techniques()
     return HierarchicalMCL(
         motion,
-        LandmarkModel(FOUR_LEGGED.places),
+        LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places)),
         domain,
         FullStates(domain, np.array([far, far, turn])[: space.dimension]),
         Equal(particles=n),
@@ -113,7 +115,7 @@ def soccer_tree(space, levels, n=200):
 
 
 def without_bearings(z):
-    return Sightings(z.landmark, z.range, np.full(len(z.range), np.nan))
+    return Sightings(0.0, z.landmark, z.range, np.full(len(z.range), np.nan))
 
 
 def off_on_the_field(tree, seed, steps, headings):
