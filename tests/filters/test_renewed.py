@@ -24,7 +24,9 @@ from mcloc.statespace import LINE
 
 
 class Marked:
-    """States −1 − index, so that random particles are known from others, and by whom."""
+    """States −1, −2, …, so that random particles are known from others, and that none is drawn
+    but they.
+    """
 
     def sample(self, draws, first, n):
         return -1.0 - np.arange(first, first + n, dtype=float)[None]
@@ -59,7 +61,7 @@ def random_ones(n, share, seed):
     """(n,): which particles are random."""
     drawn = source_of(n, share, Draws(seed, 3))(0, n)
     random = drawn.states[0] < 0.0
-    assert np.array_equal(drawn.states[0, random], -1.0 - np.flatnonzero(random))
+    assert np.array_equal(drawn.states[0, random], -1.0 - np.arange(random.sum()))
     assert ((drawn.states[0, ~random] >= 100.0) & (drawn.states[0, ~random] < 105.0)).all()
     assert np.array_equal(drawn.log_before, np.where(random, -0.5, 0.0))
     assert np.array_equal(drawn.log_likelihoods, Near().log_likelihood(drawn.states, None))

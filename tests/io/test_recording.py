@@ -162,7 +162,7 @@ def test_the_path_is_repeated_when_it_has_doubled(
 def test_two_lasers(drive: SimulatedDrive, estimates: list[Estimate], tmp_path: Path) -> None:
     (first, second) = [estimate for estimate in estimates if estimate.updated][:2]
     rear = replace(second.measurement, source="/rear/scan", mount=np.array([-0.2, 0.0, np.pi]))
-    recorded = record(tmp_path / "bag", drive.grid, [first, replace(second, scan=rear)])
+    recorded = record(tmp_path / "bag", drive.grid, [first, replace(second, measurement=rear)])
     assert [len(recorded[topic]) for topic in ("/laser", "/rear/scan")] == [1, 1]
     laser = in_map(recorded, second.t, "rear/scan")
     np.testing.assert_allclose(laser[:2, 3], compose(second.pose, rear.mount)[:2])
