@@ -49,6 +49,7 @@ class Journal:
             self._file.truncate(whole)
             if whole == 0:
                 self._write(self.header)
+                self._save()
         except BaseException:
             self._file.close()
             raise
@@ -79,7 +80,9 @@ class Journal:
                 "took_s": row.took,
             }
         )
+        # An interrupt in the long wait for the disk finds it noted in both, or else in neither.
         self.rows[key(row.setting, row.seed)] = row
+        self._save()
 
     def has(self, setting: Setting, seed: int) -> bool:
         """Whether a run was made; one that raised is made again."""
@@ -100,6 +103,11 @@ class Journal:
     def _write(self, entry: Mapping[str, Any]) -> None:
         try:
             self._file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
+
+    def _save(self) -> None:
+        try:
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as cause:
