@@ -18,7 +18,7 @@ demo: .venv/mcloc.installed
 	@echo "animation: $(CURDIR)/$(DEMO)/run/run.gif"
 
 test: lint
-	$(BIN)/python -m pytest --cov --cov-report=term
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --cov --cov-report=term
 
 lint: .venv/dev.installed
 	$(BIN)/ruff check .
