@@ -142,6 +142,44 @@ def test_a_technique_matters_where_more_is_lost_without_it() -> None:
     assert e21.matters(table, "collecting").verdict is Verdict.NOT
 
 
+@pytest.mark.parametrize(("more", "verdict"), [(0.005, "reproduced"), (0.1, "not reproduced")])
+def test_a_coarse_sensor_tells_nothing_where_as_much_is_lost_without(
+    more: float, verdict: str
+) -> None:
+    rng = np.random.default_rng(0)
+    rows = [
+        Row(
+            {"world": e21.BOTH_SENSORS, "without": without},
+            seed,
+            {"lost": 0.2 + extra + 0.005 * rng.standard_normal(), "found": 10},
+        )
+        for without, extra in ((e21.ALL, more), (e21.LEAVING_OUT, 0.0))
+        for seed in range(SEEDS)
+    ]
+    assert e21.tells_nothing(Table(rows)).verdict.value == verdict
+
+
+def test_one_of_two_sensors_reads_and_deep_nodes_are_without_the_coarse_one() -> None:
+    sensor = e21._sensor(e21.BOTH_SENSORS)
+    rng = np.random.default_rng(3)
+    x = np.arange(float(world.TILES))[None]
+    read = [sensor.sample(np.array([60]), rng) for _ in range(400)]
+    coarse = [z for z in read if sensor.source(z) == "coarse"]
+    assert 150 < len(coarse) < 250
+    assert {int(z.values[0]) for z in read if z not in coarse} == {59, 60, 61}
+    for z in read[:20]:
+        assert sensor.readings(z) == sensor.beams(z) == 1
+        p = np.exp(sensor.log_likelihood(x, z))
+        wide = e21.COARSE if sensor.source(z) == "coarse" else e21.PRECISE
+        assert np.count_nonzero(p) == 2 * wide + 1
+        assert np.array_equal(sensor.explained(x, z) > 0.0, p > 0.0)
+    everywhere, left_out = (
+        e21.robot_of(e21.BOTH_SENSORS, method) for method in (e21.LEAVING_OUT, e21.ALL)
+    )
+    assert everywhere.sensing.coarse == {}
+    assert left_out.sensing.coarse == {"coarse": e21.DEEP}
+
+
 def test_each_technique_is_left_out_by_itself() -> None:
     for name, techniques in e21.LEFT_OUT.items():
         changed = [

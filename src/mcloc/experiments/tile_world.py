@@ -3,9 +3,9 @@
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from mcloc.proposals.renewed import Renewed
 from mcloc.protocols import SensorModel
 from mcloc.resampling import Multinomial
 from mcloc.sample_size import Fixed
-from mcloc.sensors.grey_tile import GreySensor, PreciseGreyTile
+from mcloc.sensors.grey_tile import PreciseGreyTile
 from mcloc.sensors.low_resolution import LowResolution
 from mcloc.statespace import LINE, PLANE
 
@@ -83,7 +83,18 @@ the tile with most of the belief. The paper tells no more than that; so the rest
 """
 
 
-def domain(sensor: GreySensor) -> TileRows:
+class TileSensor(SensorModel, Protocol):
+    """A sensor above tiles."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many there are along each axis."""
+
+    def sample(self, x: NDArray[np.float64], rng: np.random.Generator) -> Any:
+        """What is read on a tile x (D,)."""
+
+
+def domain(sensor: TileSensor) -> TileRows:
     """All tiles that a sensor knows, along one axis or two."""
     n = np.array(sensor.shape, dtype=np.float64)
     space = LINE if len(n) == 1 else PLANE
@@ -110,7 +121,7 @@ def parts_of(n: int, share: float = RANDOM) -> tuple[Part, ...]:
     return (Part(1.0, Renewed(Forward(Multinomial()), share), Fixed(n)),)
 
 
-def vanilla(sensor: GreySensor, n: int, coarse: bool, share: float = RANDOM) -> ParticleFilter:
+def vanilla(sensor: TileSensor, n: int, coarse: bool, share: float = RANDOM) -> ParticleFilter:
     """MCL over all tiles."""
     tiles = domain(sensor)
     seen = from_afar(sensor, tiles.whole) if coarse else LowResolution(sensor)
@@ -119,14 +130,15 @@ def vanilla(sensor: GreySensor, n: int, coarse: bool, share: float = RANDOM) -> 
 
 
 def hierarchy(
-    sensor: GreySensor,
+    sensor: TileSensor,
     allocation: Allocation,
     *,
     levels: int = LEVELS,
     techniques: Techniques | None = None,
     zones: bool = False,
+    coarse: Mapping[str, float] | None = None,
 ) -> HierarchicalMCL:
-    """Hierarchical MCL over all tiles."""
+    """Hierarchical MCL over all tiles. coarse: as of Sensing."""
     tiles = domain(sensor)
     chosen = techniques or Techniques(virtual=VIRTUAL, random=RANDOM)
     return HierarchicalMCL(
@@ -136,7 +148,7 @@ def hierarchy(
         ZoneOnly(tiles) if zones else FullStates(tiles, np.ones(len(sensor.shape))),
         allocation,
         lambda n: parts_of(n, chosen.random),
-        Sensing(from_afar),
+        Sensing(from_afar, coarse or {}),
         chosen,
         levels,
         0.0,
@@ -169,7 +181,7 @@ def believed(filter: Filter[Any], bel: Any) -> int:
 
 def driven(
     filter: Filter[Any],
-    sensor: GreySensor,
+    sensor: TileSensor,
     seed: int,
     iterations: int,
     carried_off: int | None = None,
