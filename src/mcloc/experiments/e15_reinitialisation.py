@@ -41,7 +41,7 @@ from mcloc.experiments.yee_world import PATHS, WORLD, driven
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SEEDS = 20
+SEEDS = 100
 TRIED = (*SIZES, 300_000)
 RESAMPLED, SEED = 10_000, 15
 

@@ -44,7 +44,7 @@ from mcloc.experiments.yee_world import PATHS, WORLD, kidnapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SEEDS = 20
+SEEDS = 100
 FOUND = 0.9  # of the runs, for a filter that recovers
 SHOWN = 0  # the seed whose errors over time are kept
 OTHER_SHARES = tuple(name for name in SHARES if name not in (MCL, RANDOM))
