@@ -1,10 +1,11 @@
 """Text files line by line, gzip or not: every complaint names the file, the line and the fault."""
 
 import gzip
+import math
 import os
 import stat
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -63,6 +64,41 @@ class TextFile:
         if not head:
             raise self.error(f"{self.path}: the file is empty")
         return head
+
+    def records(self, needed: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+        """Numbers and fields by name of the lines of a CSV file whose header names at least the
+        `needed` ones; `#` begins a comment line. Raises the file's error for a line that lacks
+        fields or has too many, and for a header that does.
+        """
+        names: list[str] = []
+        for number, line in self.lines():
+            fields = [field.strip() for field in line.split(",")]
+            if line.isspace() or fields[0].startswith("#"):
+                continue
+            if not names:
+                names = fields
+                if missing := [name for name in needed if name not in names]:
+                    raise self.fault(
+                        number,
+                        f"the header lacks {', '.join(missing)}; it must name {','.join(needed)}",
+                    )
+                continue
+            if len(fields) != len(names):
+                raise self.fault(number, f"{len(names)} fields expected, {len(fields)} found")
+            yield number, dict(zip(names, fields, strict=True))
+        if not names:
+            raise self.error(f"{self.path}: the file is empty; it must name {','.join(needed)}")
+
+    def number(self, line: int, name: str, field: str, below: float = math.inf) -> float:
+        """A field as a finite number that is nearer to 0 than `below`. Raises the file's error."""
+        try:
+            value = float(field)
+        except ValueError:
+            value = math.nan
+        if not abs(value) < below:
+            limit = "" if math.isinf(below) else f" below {below:g}"
+            raise self.fault(line, f"{name} must be a finite number{limit}, got {field!r}")
+        return value
 
     def _open(self) -> TextIO:
         try:

@@ -3,6 +3,7 @@
 import itertools
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ import pytest
 from mcloc.config import CHOICES
 from mcloc.density import Gaussian
 from mcloc.draws import Draws
+from mcloc.environment import FreeSpace
 from mcloc.errors import ConfigError
-from mcloc.events import Scan
-from mcloc.filters.catalog import FILTERS, REGISTRIES, Composition
+from mcloc.events import BeaconRanges, Image, Scan, Sightings
+from mcloc.filters.catalog import AIDS, FILTERS, REGISTRIES, Composition
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.particle_filter import ParticleBelief
 from mcloc.filters.recovery import Evidence
@@ -21,7 +23,9 @@ from mcloc.geometry import compose
 from mcloc.kernels import jit
 from mcloc.localizer import Localizer, Update
 from mcloc.localizer.state import restore, save
-from mcloc.maps.landmarks import Landmarks
+from mcloc.maps.beacons import Beacons
+from mcloc.maps.landmarks import Landmarks, open_floor
+from mcloc.maps.mosaic import Mosaic
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.registry import parameters
@@ -60,9 +64,15 @@ def landmarks():
     return Landmarks.numbered([[0.0, 3.0], [2.0, 4.0], [3.0, 2.5]])
 
 
+def beacons():
+    return Beacons(["a", "b", "c"], np.array([[0.0, 3.0, 2.0], [2.0, 4.0, 0.5], [3.0, 2.5, 1.0]]))
+
+
 BOUND = {
     **dict.fromkeys(("sensor", "environment", "people", "sampler"), grid),
     "sightings": landmarks,
+    "camera": lambda: mosaic(),
+    "ranging": beacons,
 }
 """The maps that parts are built with."""
 
@@ -265,6 +275,72 @@ def test_a_sensor_does_not_depend_on_chunks_or_order(name, x, z):
     assert np.array_equal(whole[order], shuffled)
 
 
+# Ceiling cameras
+
+
+def mosaic():
+    image = np.random.default_rng(6).random((50, 60)).astype(np.float32)
+    image[20:30, 40:50] = np.nan
+    return Mosaic(image, 0.1, np.array([-1.0, 2.0, 0.4]))
+
+
+def images():
+    """One of a ceiling, and what people make of the lens."""
+    seen = np.random.default_rng(7).random((15, 15))
+    cut = np.where(np.arange(15) < 7, np.nan, seen)
+    return [Image(0.0, pixels) for pixels in (seen, np.zeros((15, 15)), np.ones((15, 15)), cut)]
+
+
+@names("camera")
+def test_a_camera_gives_numbers_whatever_it_sees_and_in_any_chunks(name, x):
+    camera = build("camera", name)
+    for z in images():
+        log_p = camera.log_likelihood(x, z)
+        assert log_p.shape == (200,)
+        assert np.isfinite(log_p).all()
+        assert camera.readings(z) > 0.0
+        assert camera.beams(z) >= 1
+        assert (np.ptp(log_p) == 0.0) == camera.covered(z)
+        assert np.isnan(camera.explained(x, z)).all() == camera.covered(z)
+        parts = [
+            camera.log_likelihood(np.ascontiguousarray(x[:, a:b]), z) for a, b in ((0, 3), (3, 200))
+        ]
+        assert np.array_equal(log_p, np.concatenate(parts))
+    assert [camera.covered(z) for z in images()][:2] == [False, True]
+
+
+@names("camera")
+def test_no_pose_is_too_odd_for_a_camera(name):
+    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e18, 1e5, -1e5, 0.0, np.pi, -np.pi, 7.0]
+    x = np.array(np.meshgrid(odd, odd, odd)).reshape(3, -1)
+    with np.errstate(all="ignore"):
+        log_p = build("camera", name).log_likelihood(x, images()[0])
+    assert np.isfinite(log_p).all()
+
+
+@names("camera")
+@pytest.mark.parametrize("composed", [n for n in FILTERS if n != "kalman"])
+def test_a_filter_steps_by_images_alone(name, composed, set_threads):
+    """On one thread and on two; the belief is one, also after an image that says nothing."""
+    found = []
+    for threads in (1, 2):
+        set_threads(threads)
+        settings = {"filter": NEEDED.get(("filter", composed), {})}
+        whole = Composition(composed, camera=name, settings=settings)
+        built = whole.build(open_room(), mosaic())
+        bel = built.start(built.environment, Draws(1))
+        for step, z in enumerate(images(), start=1):
+            bel, info = built.step(bel, MOVES[0], z, Draws(1, step))
+            assert bel.particles.weights.sum() == pytest.approx(1.0)
+            assert np.isfinite(info.log_evidence)
+        found.append((bel.particles.states.tobytes(), bel.particles.log_weights.tobytes()))
+    assert found[0] == found[1]
+
+
+def open_room():
+    return OccupancyGrid(np.full((50, 60), FREE, dtype=np.int8), 0.1, np.array([-1.0, 2.0, 0.4]))
+
+
 @names("sensor")
 def test_a_sensor_does_not_depend_on_the_frame_of_the_map(name, x, z):
     """Map and poses moved together: equal but for beams that end on a border of cells."""
@@ -275,6 +351,91 @@ def test_a_sensor_does_not_depend_on_the_frame_of_the_map(name, x, z):
     b = REGISTRIES["sensor"].make(name, there).log_likelihood(moved, z)
     # float32 knows a place on this map to 1e-5 cells: of 200 × 60 beams one or so may tip over.
     assert np.mean(np.abs(a - b) > 1e-3) < 0.02
+
+
+# Sightings of landmarks
+
+
+SEEN = {
+    "known": ([0, 2], [2.0, np.nan], [0.3, -2.0]),
+    "no name": ([-1], [1.5], [0.3]),
+    "nothing useful": ([1], [np.inf], [np.nan]),
+}
+
+
+@names("sightings")
+@pytest.mark.parametrize("seen", SEEN.values(), ids=SEEN)
+def test_sightings_give_a_number_whatever_the_chunk_or_order(name, seen, x):
+    model, z = build("sightings", name), Sightings(0.0, *seen, mount=np.array([0.2, 0.0, 0.1]))
+    whole = model.log_likelihood(x, z)
+    assert whole.shape == (200,)
+    assert np.isfinite(whole).all()
+    assert (np.ptp(whole) > 0.0) == z.useful
+    assert model.readings(z) > 0.0
+    parts = [
+        model.log_likelihood(np.ascontiguousarray(x[:, a:b]), z) for a, b in ((0, 3), (3, 200))
+    ]
+    assert np.array_equal(whole, np.concatenate(parts))
+    order = np.random.default_rng(3).permutation(200)
+    shuffled = model.log_likelihood(np.ascontiguousarray(x[:, order]), z)
+    assert np.array_equal(whole[order], shuffled)
+
+
+@names("sightings")
+@pytest.mark.parametrize("seen", SEEN.values(), ids=SEEN)
+def test_poses_from_sightings_have_their_density(name, seen):
+    """By importance sampling from U, which is spread over the floor evenly: the density sums to 1
+    within 4.5 standard errors, and so does each third of it along x and along θ.
+    """
+    model, environment = (
+        build("sightings", name),
+        FreeSpace(open_floor(landmarks().places, 8.0, "")),
+    )
+    z = Sightings(0.0, *seen, mount=np.array([0.2, 0.0, 0.1]))
+    q = AIDS[Landmarks].sampler(model, environment).given(z, Draws(0))
+    n = 50_000
+    drawn, even = q.sample(Draws(1, 1), 0, n), environment.sample(Draws(2, 1), 0, 4 * n)
+    w = np.exp(q.log_density(even) - environment.log_density(even))
+    # Poses off the floor have none of U: what q has there is drawn and not summed.
+    on = np.isfinite(environment.log_density(drawn))
+    for k in (0, 2):
+        edges = np.quantile(even[k], [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+        for low, high in pairwise(edges):
+            within = w * ((even[k] >= low) & (even[k] <= high))
+            found = np.mean(on & (drawn[k] >= low) & (drawn[k] <= high))
+            error = np.sqrt(within.var() / (4 * n) + found * (1.0 - found) / n)
+            assert abs(within.mean() - found) < 4.5 * error
+    assert np.isfinite(q.log_density(drawn)).all()
+    assert (q.log_density(even) > -np.inf).all()
+
+
+# Ranges to beacons
+
+
+@names("ranging")
+@pytest.mark.parametrize("d", [0.0, 0.7, 4.0, 49.9, 60.0])
+def test_ranges_to_a_beacon_and_none_sum_to_one(name, d):
+    """By the trapezoid rule on knots 2 mm apart, which is exact to 10⁻³ where p jumps."""
+    model = build("ranging", name)
+    r = np.linspace(1e-6, model.range_max, round(model.range_max / 0.002))
+    measured = np.trapezoid(model.density(r, np.array(d)), r)
+    assert measured + float(model.no_range(np.array(d))) == pytest.approx(1.0, abs=1e-3)
+
+
+@names("ranging")
+def test_ranges_give_a_number_whatever_the_chunk_or_order(name, x):
+    model = build("ranging", name)
+    z = BeaconRanges(0.0, np.array([0, 2, 1]), np.array([2.0, np.nan, 300.0]), np.ones(3))
+    whole = model.log_likelihood(x, z)
+    assert whole.shape == (200,)
+    assert np.isfinite(whole).all()
+    assert np.ptp(whole) > 0.0
+    assert model.readings(z) > 0.0
+    assert model.beams(z) == 1
+    parts = [
+        model.log_likelihood(np.ascontiguousarray(x[:, a:b]), z) for a, b in ((0, 3), (3, 200))
+    ]
+    assert np.array_equal(whole, np.concatenate(parts))
 
 
 # People

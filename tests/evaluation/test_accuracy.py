@@ -123,9 +123,12 @@ def test_the_dictionary_has_the_keys_of_the_summary_and_is_strict_json() -> None
     assert json.loads(json.dumps(values, allow_nan=False)) == values
 
 
-def test_all_that_the_dictionary_leaves_out_is_the_spread_of_the_heading() -> None:
+def test_what_the_dictionary_leaves_out_is_the_spread_of_the_heading_and_what_was_not_seen() -> (
+    None
+):
     left_out = {field.name for field in fields(Accuracy)} - set(KEYS)
-    assert left_out == {"heading_rmse_deg", "heading_p95_deg"}
+    of_sightings = {"sighted", "position_median_sighted_m"}
+    assert left_out == {"heading_rmse_deg", "heading_p95_deg", *of_sightings}
 
 
 def test_what_is_unknown_is_none() -> None:
@@ -134,3 +137,24 @@ def test_what_is_unknown_is_none() -> None:
     unknown = {key for key, value in values.items() if value is None}
     assert unknown == {"time_to_converge_s", "distance_to_converge_m", "nees_median"}
     assert values["converged"] is False
+
+
+def test_sighted_are_the_references_near_a_sighting() -> None:
+    """1 m off but for the 10 s around each of two sightings; 5 s is near, to either side."""
+    t = np.arange(0.0, 61.0)
+    sightings = np.array([20.0, 22.0, 40.5])
+    near = ((t >= 15.0) & (t <= 27.0)) | ((t >= 35.5) & (t <= 45.5))
+    off = np.where(near, 0.25, 1.0)
+    zero = np.zeros(61)
+    truth = Trajectory(t, np.stack([0.1 * t, zero, zero], axis=-1))
+    estimate = Trajectory(t, np.stack([0.1 * t, off, zero], axis=-1))
+    found = evaluate(estimate, truth, sightings=sightings)
+    assert found.sighted == near.sum() == 23
+    assert found.position_median_sighted_m == pytest.approx(0.25)
+    assert found.position_median_m == pytest.approx(1.0)
+    assert list(found.to_dict()) == [*KEYS, "sighted", "position_median_sighted_m"]
+    for none in (None, np.empty(0), np.array([1000.0])):
+        without = evaluate(estimate, truth, sightings=none)
+        assert without.sighted == 0
+        assert without.position_median_sighted_m is None
+        assert list(without.to_dict()) == KEYS

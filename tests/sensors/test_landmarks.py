@@ -3,6 +3,7 @@ and posteriors over poses against a grid that knows nothing of the model's code.
 """
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.integrate import quad
 from scipy.stats import chisquare, norm
 
 from mcloc.errors import ConfigError, MapError
-from mcloc.events import Sightings
+from mcloc.events import UNKNOWN, Sightings
 from mcloc.geometry import compose
 from mcloc.maps.landmarks import Landmarks
 from mcloc.registry import parameters
@@ -206,6 +207,15 @@ def test_a_range_that_is_none_says_nothing(none):
     assert SHARP.readings(z) == SHARP.beams(z) == 3
 
 
+def test_a_sighting_without_a_name_is_explained_by_any_landmark():
+    z = expected(POSE, [0, 2])
+    nameless = replace(z, landmark=np.full(2, UNKNOWN))
+    assert SHARP.explained(POSE, nameless) == pytest.approx(1.0)
+    assert SHARP.explained(POSE + np.array([[0.0], [0.0], [0.9]]), nameless) < 1.0
+    swapped = replace(z, landmark=z.landmark[::-1])
+    assert SHARP.explained(POSE, swapped) == pytest.approx(0.5)  # the ranges are alike
+
+
 def test_an_empty_sighting_says_nothing():
     x = np.zeros((3, 5))
     for z in (seen([], [], []), seen([1], [NAN], [NAN])):
@@ -297,3 +307,167 @@ def test_a_landmark_that_is_not_in_the_map_is_refused(landmark):
 def test_sightings_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
         seen(*wrong)
+
+
+# Sensors beside the robot's middle
+
+
+MOUNT = np.array([0.3, -0.2, 0.7])
+SOME = ([3, 0, 2, 2], [1.1, NAN, 2.5, 4.0], [0.3, -2.0, NAN, 3.0])
+
+
+def test_what_is_seen_is_seen_from_the_sensor():
+    x = np.random.default_rng(11).uniform(-2.0, 2.0, (3, 100))
+    sensor = np.ascontiguousarray(compose(x.T, MOUNT).T)
+    mounted = Sightings(0.0, *SOME, mount=MOUNT)
+    for ask in (DARK.log_likelihood, SHARP.log_likelihood, SHARP.explained):
+        assert ask(x, mounted) == pytest.approx(ask(sensor, seen(*SOME)))
+    assert not np.allclose(SHARP.log_likelihood(x, mounted), SHARP.log_likelihood(x, seen(*SOME)))
+    with pytest.raises(ConfigError, match="mount"):
+        SHARP.log_likelihood(x[:2], Sightings(0.0, [0], [1.0], [NAN], mount=MOUNT))
+
+
+# Landmarks whose names are not known, sightings of nothing, and landmarks that were missed
+
+
+DARK = LandmarkModel(  # sees little
+    Landmarks.numbered(PLACES), range_max=3.0, p_outlier=0.05, p_false=0.2, p_detect=0.7, fov=1.2
+)
+
+
+def view(sensor, pose):
+    """(L,) v_j of each landmark, by SciPy's normal."""
+    dx, dy = (sensor.places - pose[:2]).T
+    d, beta = np.hypot(dx, dy), np.arctan2(dy, dx) - pose[2]
+    beta = np.angle(np.exp(1j * beta))
+    within = norm.cdf(sensor.range_max, d, np.hypot(sensor.sigma_range, sensor.sigma_relative * d))
+    half = 0.5 * sensor.fov
+    return within * (
+        norm.cdf(half, beta, sensor.sigma_bearing) - norm.cdf(-half, beta, sensor.sigma_bearing)
+    )
+
+
+def p_of(sensor, pose, landmark, r, b):
+    """p(r, b | x) per metre and radian."""
+    false = sensor.p_false / (sensor.range_max * 2.0 * math.pi)
+    if landmark != UNKNOWN:
+        of_it = math.exp(log_p(sensor, pose, seen([landmark], [r], [b])))
+        return (1.0 - sensor.p_false) * of_it + false
+    v = view(sensor, pose)
+    each = [math.exp(log_p(sensor, pose, seen([k], [r], [b]))) for k in range(len(v))]
+    share = (1.0 - sensor.p_false) * min(v.sum(), 1.0)
+    mean = v @ each / v.sum() if v.sum() > 0.0 else 0.0
+    return share * mean + (1.0 - share) / (sensor.range_max * 2.0 * math.pi)
+
+
+def poses(n, seed):
+    low, high = [[-2.7], [-1.8], [-3.1]], [[2.7], [1.8], [3.1]]
+    return np.random.default_rng(seed).uniform(low, high, (3, n))
+
+
+def test_likelihoods_of_sightings_that_may_be_of_any_landmark_or_none():
+    """Against the equation, for pairs of poses: what it is relative to does not depend on them."""
+    x = poses(60, 12)
+    for landmark in (UNKNOWN, 2):
+        z = seen([landmark, landmark], [1.4, 2.2], [0.3, -0.2])
+        bare = replace(DARK, p_detect=0.0)
+        found = bare.log_likelihood(x, z)
+        wanted = np.array(
+            [
+                math.log(p_of(bare, pose, landmark, 1.4, 0.3))
+                + math.log(p_of(bare, pose, landmark, 2.2, -0.2))
+                for pose in x.T
+            ]
+        )
+        assert found - found[0] == pytest.approx(wanted - wanted[0], abs=1e-9)
+
+
+def test_misses_count_by_the_chance_that_they_had():
+    x, z = poses(60, 13), seen([2, 0], [1.4, 2.2], [0.3, -0.2])
+    off = np.array(
+        [
+            sum(
+                math.log(D if k in (0, 2) else 1.0 - D)
+                for k, D in enumerate(0.7 * (0.05 + 0.95 * view(DARK, pose)))
+            )
+            for pose in x.T
+        ]
+    )
+    found = DARK.log_likelihood(x, z) - replace(DARK, p_detect=0.0).log_likelihood(x, z)
+    assert found == pytest.approx(off - 2.0 * math.log(0.7))
+    bare, anonymous = replace(DARK, p_detect=0.0), seen([2, UNKNOWN], [1.4, 2.2], [0.3, -0.2])
+    assert np.array_equal(DARK.log_likelihood(x, anonymous), bare.log_likelihood(x, anonymous))
+
+
+def test_a_robot_that_misses_what_it_would_see_is_elsewhere():
+    """Both places see landmark 2 alike, one with three others in reach, one with them all out of
+    it: each miss weighs 1 − p_detect.
+    """
+    both = np.array([[1.35, 0.4, np.pi / 2.0], [1.35, 3.4, -np.pi / 2.0]]).T
+    sensor = LandmarkModel(Landmarks.numbered(PLACES), sigma_relative=0.0, range_max=4.0)
+    z = seen([2], [1.5], [0.0])
+    assert np.ptp(sensor.log_likelihood(both, z)) == pytest.approx(0.0, abs=1e-12)
+    within = np.hypot(*(PLACES[[0, 1, 3], :, None] - both[:2]).swapaxes(0, 1)) < 4.0
+    sees = replace(sensor, p_detect=0.9)
+    near, far = sees.log_likelihood(both, z)
+    misses = within.sum(axis=0)
+    assert misses.tolist() == [2, 1]
+    # Those out of view are seen with chance ε p_detect: next to nothing.
+    assert near - far == pytest.approx(math.log(0.1), abs=0.1)
+
+
+def smooth(landmarks, **settings):
+    """A model that midpoints on a coarse grid integrate well."""
+    return LandmarkModel(
+        Landmarks.numbered(landmarks),
+        sigma_range=0.3,
+        sigma_bearing=0.4,
+        range_max=3.0,
+        p_outlier=0.05,
+        fov=1.2,
+        **settings,
+    )
+
+
+def integral(sensor, pose, landmark):
+    """∫∫ p(r, b | x) dr db over the ranges and bearings that can be measured, but for p_detect."""
+    n, m = 120, 60
+    total, x = 0.0, np.array(pose)[:, None]
+    for r in (np.arange(n) + 0.5) * sensor.range_max / n:
+        best = sensor.range_density(r, np.array(r)) * sensor.bearing_density(np.zeros(1))[0]
+        for b in (np.arange(m) + 0.5) * 2.0 * np.pi / m:
+            total += best * math.exp(sensor.log_likelihood(x, seen([landmark], [r], [b]))[0])
+    return total * sensor.range_max / n * 2.0 * np.pi / m
+
+
+def unmeasured(sensor, pose):
+    """(L,): the chance that the range of each landmark is none that is measured."""
+    d = np.hypot(*(sensor.places - pose[:2]).T)
+    sigma = np.hypot(sensor.sigma_range, sensor.sigma_relative * d)
+    beyond = norm.cdf(0.0, d, sigma) + norm.sf(sensor.range_max, d, sigma)
+    return (1.0 - sensor.p_outlier) * beyond
+
+
+@pytest.mark.parametrize("landmark", [2, UNKNOWN])
+@pytest.mark.parametrize("pose", [(0.3, 0.5, 0.9), (2.0, -1.0, 3.0), (9.0, 9.0, 0.0)], ids=str)
+def test_a_sighting_integrates_to_1(landmark, pose):
+    """Over ranges and bearings, and the atom of ranges that are none."""
+    sensor = smooth(PLACES, p_false=0.2)
+    atom = unmeasured(sensor, pose)
+    if landmark == UNKNOWN:
+        v = view(sensor, pose)
+        none = 0.8 * min(v.sum(), 1.0) * (v @ atom) / v.sum()
+    else:
+        none = 0.8 * atom[landmark]
+    assert integral(sensor, pose, landmark) + none == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("pose", [(0.3, 0.5, 0.9), (0.3, 0.5, -2.0)], ids=str)
+def test_what_is_seen_and_what_is_missed_integrate_to_1(pose):
+    """One landmark: seen with any range and bearing, seen without a range, or missed."""
+    sensor = smooth(np.add(PLACES[:1], [0.0, 1.0]), p_detect=0.7)
+    missed = math.exp(sensor.log_likelihood(np.array(pose)[:, None], seen([], [], []))[0])
+    detected = 1.0 - missed
+    none = detected * unmeasured(sensor, pose)[0]
+    assert 0.7 * integral(sensor, pose, 0) + none + missed == pytest.approx(1.0, abs=2e-3)
+    assert detected == pytest.approx(0.7 * (0.05 + 0.95 * view(sensor, pose)[0]))

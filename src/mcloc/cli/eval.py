@@ -38,6 +38,9 @@ def evaluate_files(
             metavar="ROLE=TOPIC", help="Which topic of a bag is the odometry: odometry=/odom."
         ),
     ] = None,
+    robot: Annotated[
+        int | None, typer.Option(metavar="N", help="Which robot of an MRCLAM folder, as --log.")
+    ] = None,
     kidnapped: Annotated[
         list[float] | None,
         typer.Option(metavar="T", help="A kidnapping at this stamp (s); may be repeated."),
@@ -60,13 +63,14 @@ def evaluate_files(
     from mcloc.report.summary import to_json
     from mcloc.report.wheels import Wheels
 
-    if topic and log is None:
-        raise ConfigError("--topic is about a log: give one with --log")
+    if (topic or robot is not None) and log is None:
+        raise ConfigError("--topic and --robot are about a log: give one with --log")
     path = estimate / "estimates.csv" if estimate.is_dir() else estimate
     wheels = Wheels()
     estimated, truth = read_trajectory(path), read_trajectory(reference)
-    for _ in wheels.watch(read_odometry(log, topics(topic or [])) if log is not None else ()):
-        pass
+    if log is not None:
+        for _ in wheels.watch(read_odometry(log, topics(topic or []), robot)):
+            pass
     accuracy = evaluate(
         estimated, truth, odometry=wheels.trajectory, kidnappings=kidnapped or ()
     ).to_dict()

@@ -10,6 +10,7 @@ from mcloc.cli.values import Triple, pose, topics
 from mcloc.errors import ConfigError, McLocError
 
 if TYPE_CHECKING:
+    from mcloc.events import Log
     from mcloc.inspection import LogInspection
     from mcloc.io.bag_log import Topics
     from mcloc.maps.occupancy import OccupancyGrid
@@ -23,7 +24,7 @@ def show_info(
         typer.Argument(
             metavar="FILE...",
             help="A map, a log, or both, in any order: a ROS map's .yaml or a wean.dat; a CARMEN "
-            "or Wean Hall log, gzip or not, or a ROS bag.",
+            "or Wean Hall log, gzip or not, a ROS bag, or an MRCLAM folder.",
         ),
     ],
     topic: Annotated[
@@ -40,6 +41,9 @@ def show_info(
             metavar="X,Y,THETA_DEG",
             help="The laser's pose on the robot (m, m, degrees), instead of what the log says.",
         ),
+    ] = None,
+    robot: Annotated[
+        int | None, typer.Option(metavar="N", help="Which robot of an MRCLAM folder.")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="As JSON, and nothing else.")] = False,
 ) -> None:
@@ -78,7 +82,7 @@ def show_info(
     at = pose("--mount", mount)
     if at is not None:
         check_mount(at)
-    info = _inspected(grid, logs, at, wanted, failures)
+    info = _inspected(grid, logs, at, wanted, robot, failures)
     typer.echo(to_json(info) if json else told_info(info), nl=False)
     for failure in failures:
         raise failure
@@ -88,12 +92,13 @@ def _is_map(path: Path) -> bool:
     """Told by the name, and a wean.dat by its head."""
     from mcloc.errors import MapError
     from mcloc.io.bag_files import find_bag
+    from mcloc.io.mrclam import is_mrclam
     from mcloc.maps.wean_map import START
     from mcloc.textfile import TextFile
 
     if path.suffix.lower() in _MAPS:
         return True
-    if find_bag(path) is not None:
+    if is_mrclam(path) or find_bag(path) is not None:
         return False
     try:
         return any(line.startswith(START) for line in TextFile(str(path), MapError).head())
@@ -117,6 +122,7 @@ def _inspected(
     logs: list[Path],
     mount: Triple | None,
     wanted: "Topics",
+    robot: int | None,
     failures: list[McLocError],
 ) -> dict[str, Any]:
     """What there is to say, as --json has it; to `failures` goes what breaks a log off."""
@@ -124,6 +130,7 @@ def _inspected(
 
     from mcloc.cli.progress import counted
     from mcloc.inspection import LogInspection, describe_log, describe_map, inspect_fit, inspect_map
+    from mcloc.io.log import read_log
 
     info: dict[str, Any] = {"map": None, "log": None, "fit": None}
     findings = [] if grid is None else inspect_map(grid)
@@ -132,7 +139,8 @@ def _inspected(
     with counted("events") as advance:
         if logs:
             log = LogInspection()
-            skipped = _read(log, logs[0], mount, wanted, advance, failures)
+            source = read_log(logs[0], mount, wanted, robot)
+            skipped = _read(log, logs[0], source, advance, failures)
             info["log"] = {"name": str(logs[0]), **describe_log(log), "skipped": skipped}
             info["log"]["topics"] = _topics(logs[0])
             findings += log.findings()
@@ -146,8 +154,7 @@ def _inspected(
 def _read(
     log: "LogInspection",
     path: Path,
-    mount: Triple | None,
-    wanted: "Topics",
+    source: "Log",
     advance: Callable[[], None],
     failures: list[McLocError],
 ) -> dict[str, int]:
@@ -155,9 +162,7 @@ def _read(
     be read.
     """
     from mcloc.errors import LogError
-    from mcloc.io.log import read_log
 
-    source = read_log(path, mount, wanted)
     try:
         for _ in log.watch(source):
             advance()
@@ -172,8 +177,9 @@ def _topics(path: Path) -> dict[str, str] | None:
     """The topics of a bag with their types; None for other logs."""
     from mcloc.io.bag import open_bag
     from mcloc.io.bag_files import find_bag
+    from mcloc.io.mrclam import is_mrclam
 
-    files = find_bag(path)
+    files = None if is_mrclam(path) else find_bag(path)
     if files is None:
         return None
     with open_bag(files) as bag:

@@ -94,6 +94,7 @@ def _limited(job: Job, entries: dict[str, Any]) -> dict[str, Any]:
 def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
     """A new run, or the one to be resumed; and how often to save it."""
     from mcloc.config import RunConfig
+    from mcloc.io.mrclam import Mrclam, is_mrclam
     from mcloc.report import Run, check_folder
     from mcloc.report.checkpoint import NAME, resume, saved_config
 
@@ -108,13 +109,17 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
         typer.echo(f"no run was saved in {job.out} yet: starting from its beginning", err=True)
     if "log" not in entries:
         raise ConfigError("which log? Give --log FILE, or --config with one in it")
-    if "map" not in entries and "map" not in entries.get("topics", {}):
+    mapped = "map" in entries or "map" in entries.get("topics", {})
+    if not mapped and not is_mrclam(entries["log"]):
         raise ConfigError(
             "which map? Give --map FILE, or --topic map=NAME for that of a bag, or --config with "
             "one in it"
         )
+    if not mapped:
+        Mrclam(entries["log"], entries.get("robot"))  # asks which robot, before anything is read
     config = RunConfig(**_limited(job, {"map": None, **entries}))
-    check_folder(job.out, (config.map, config.log, config.truth))
+    inputs = config.map, config.log, config.truth, config.beacons, config.beacon_ranges
+    check_folder(job.out, (*inputs, config.ceiling, config.images))
     run = Run(config)
     saved.unlink(missing_ok=True)  # it is another run's
     return run, job.every

@@ -26,7 +26,7 @@ def run(
         _Option(
             metavar="FILE",
             help="The recorded log: a ROS 1 or ROS 2 bag (file or folder), or CARMEN or Wean Hall, "
-            "gzip or not.",
+            "gzip or not; or an MRCLAM folder, with --robot.",
         ),
     ] = None,
     topic: Annotated[
@@ -34,8 +34,8 @@ def run(
         _Option(
             metavar="ROLE=NAME",
             help="A topic of a bag, for the roles scan (may be repeated: all lasers work "
-            "together), odometry, map and truth, such as scan=/base_scan. Scans and odometry are "
-            "found by type where this names none.",
+            "together), odometry, image (of the ceiling), map and truth, such as scan=/base_scan. "
+            "Scans and odometry are found by type where this names none.",
         ),
     ] = None,
     initial: Annotated[
@@ -142,6 +142,72 @@ def run(
             "0.25,0,0. Without it: what the log says.",
         ),
     ] = None,
+    robot: Annotated[
+        int | None,
+        _Option(
+            metavar="N",
+            help="Which robot of an MRCLAM folder. It is localized by the landmarks that it sees; "
+            "the folder has the map and the truth.",
+        ),
+    ] = None,
+    beacons: Annotated[
+        str | None,
+        _Option(
+            metavar="FILE",
+            help="Where radio beacons are: CSV with a header beacon_id,x,y,z (m, map frame). Needs "
+            "--beacon-ranges.",
+        ),
+    ] = None,
+    beacon_ranges: Annotated[
+        str | None,
+        _Option(
+            metavar="FILE",
+            help="The ranges to them: CSV with a header scan_index,beacon_id,range_m (the n-th "
+            "scan of the log, from 0) or t,beacon_id,range_m (s); antenna_x,antenna_y,antenna_z "
+            "say where on the robot they were measured (m).",
+        ),
+    ] = None,
+    ceiling: Annotated[
+        str | None,
+        _Option(
+            metavar="FILE",
+            help="A mosaic of the ceiling, for a camera that looks up at it: .yaml with image, "
+            "resolution and origin, as ROS maps have it. Needs --images, or --topic image=NAME.",
+        ),
+    ] = None,
+    images: Annotated[
+        str | None,
+        _Option(
+            metavar="FOLDER",
+            help="The images of the ceiling: with an index.csv with a header t,file (s), or each "
+            "named by its stamp (s). camera.pixel says how much of the ceiling a pixel covers.",
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        _Option(
+            metavar="NAME",
+            help="The model of a ceiling camera: ceiling-patch (normalized correlation) or "
+            "ceiling-brightness (right above the robot alone).",
+        ),
+    ] = None,
+    scans: Annotated[
+        bool | None,
+        _Option(
+            "--scans/--no-scans",
+            help="Whether the scans of the log are used. Without them: odometry, and what "
+            "--beacon-ranges or --images tell.",
+            show_default=False,
+        ),
+    ] = None,
+    derive_sonar: Annotated[
+        int | None,
+        _Option(
+            metavar="N",
+            help="Use what a ring of N sonars (7 to 24) would have measured in the place of each "
+            "scan: the nearest return in each cone of sensor.cone, up to 5 m. For --sensor sonar.",
+        ),
+    ] = None,
     assignments: Annotated[
         list[str] | None,
         _Option(
@@ -228,6 +294,23 @@ def run(
       mcloc run --config mcloc-out/config.yaml --out other
         --set sensor.sigma_hit=0.1
 
+    Localize robot 3 of an MRCLAM folder by landmarks:
+
+    \b
+      mcloc run --log mrclam6 --robot 3
+
+    Add radio beacons, some of which may be bad:
+
+    \b
+      mcloc run --map floor.yaml --log drive.log.gz --beacons beacons.csv
+        --beacon-ranges ranges.csv
+
+    Localize by a camera that looks at the ceiling, and by nothing else:
+
+    \b
+      mcloc run --map floor.yaml --log drive.log.gz --no-scans
+        --ceiling mosaic.yaml --images ceiling/ --set camera.pixel=0.05
+
     Use a bag with its own map, by both of its lasers, and survive a crash:
 
     \b
@@ -252,6 +335,14 @@ def run(
         "start": start,
         "end": end,
         "mount": pose("--mount", mount),
+        "robot": robot,
+        "beacons": beacons,
+        "beacon_ranges": beacon_ranges,
+        "ceiling": ceiling,
+        "images": images,
+        "camera": camera,
+        "scans": scans,
+        "derive_sonar": derive_sonar,
         "seed": seed,
         "threads": threads,
         "filter": filter,

@@ -34,6 +34,9 @@ def _lines(summary: dict[str, Any], out: Path, pictures: Iterable[Path]) -> Iter
     if summary["withheld"]:
         share = _percent(summary["withheld"])
         yield f"withheld   the estimate at {share} % of the scans; errors are those of the others"
+    for name, beacon in (summary["beacons"] or {}).items():
+        fits, trust = _percent(beacon["explained"]), _number(beacon["trust"], ".2f")
+        yield f"beacon     {name}: {fits} % of its ranges fit, each counts {trust}"
     if summary["accuracy"] is not None:
         yield from _accuracy(summary["accuracy"])
     yield f"results    {out}"
@@ -47,6 +50,9 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterator[str]:
         _number(a[f"position_{name}_m"], ".3f") for name in ("median", "rmse", "p95", "max")
     )
     yield f"position   median {median} m, RMSE {rmse} m, 95 % below {p95} m, max {most} m"
+    if "sighted" in a:
+        near = _number(a["position_median_sighted_m"], ".3f")
+        yield f"           median {near} m within 5 s of a landmark seen"
     yield f"heading    median {_number(a['heading_median_deg'], '.2f')}°"
     if a["nees_median"] is not None:
         yield f"NEES       median {a['nees_median']:.1f}; 2.4 for a filter as sure as it should be"

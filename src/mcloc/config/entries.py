@@ -100,6 +100,12 @@ def _whole(where: str, value: object) -> int:
     return value
 
 
+def _flag(where: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise ConfigError(f"{where} must be true or false, got {value!r}")
+    return value
+
+
 def _triple(where: str, value: object) -> Triple:
     if not isinstance(value, list) or len(value) != 3:
         raise ConfigError(f"{where} must be [x, y, theta] in m, m, rad, got {value!r}")
@@ -130,6 +136,9 @@ _READERS: dict[str, Callable[[str, object], Any]] = {
     "mount": _triple,
     "start": _number,
     "end": _number,
+    "robot": _whole,
+    "scans": _flag,
+    "derive_sonar": _whole,
     "seed": _whole,
     "threads": _whole,
     "settings": _settings,

@@ -20,8 +20,11 @@ Settings = Mapping[str, Mapping[str, Value]]
 
 Topics = Mapping[str, str | Sequence[str]]
 
-TOPICS = ("scan", "odometry", "map", "truth")
+TOPICS = ("scan", "odometry", "image", "map", "truth")
 """What a topic of a bag can be for."""
+
+SENSORS = ("scan", "odometry", "image")
+"""Those that hold events."""
 
 CHOICES: Mapping[str, Registry[Any]] = {**REGISTRIES, "pace": PACES}
 """What is chosen by name."""
@@ -33,13 +36,20 @@ FARTHEST_MOUNT = 10.0
 """m from the robot's centre."""
 
 _NOTES = {
-    "map": "null: the topic of the log that `topics` names",
-    "topics": "of a bag, by role: scan, odometry, map, truth; none: found by type",
+    "map": "null: the topic of the log that `topics` names, or the landmarks of an MRCLAM folder",
+    "robot": "its number, of the log that is an MRCLAM folder; null: the log is of one robot",
+    "topics": "of a bag, by role: scan, odometry, image, map, truth; none: found by type",
     "initial": "x, y, theta in m, m, rad; null: search on the whole map",
     "initial_sigma": "standard deviations in m, m, rad",
     "start": "s, stamp of the log; null: its beginning",
     "end": "s, stamp of the log; null: its end",
     "mount": "x, y, theta of the laser on the robot in m, m, rad; null: what the log says",
+    "beacons": "beacon_id, x, y, z of radio beacons (m, map frame); null: none",
+    "beacon_ranges": "the ranges to them: scan_index or t, beacon_id, range_m",
+    "ceiling": "mosaic of the ceiling: .yaml with image, resolution, origin; null: none",
+    "images": "folder of its images with stamps; null: the image topic of the bag",
+    "scans": "false: localize by what else the log and its files hold",
+    "derive_sonar": "a ring of so many sonars, derived from the scans; null: the scans themselves",
     "threads": "null: one a core; no result depends on it",
 }
 
@@ -49,11 +59,15 @@ class RunConfig:
     """A run that can be made and repeated.
 
     map, log, truth: paths. topics: {role: name} of a bag, for the roles TOPICS; "scan" may have
-    several names; without them scans and odometry are found by type, and map and truth are
-    files. initial: start pose in the map frame, None for global localization;
-    initial_sigma: its standard deviations. start, end: stamps of the log between which it is used.
-    mount: the laser's pose on the robot, None for what the log says. seed: None for a fresh one.
-    threads: None for one a core. filter … sampler: names of parts. pace: that of the replay.
+    several names; without them scans and odometry are found by type, and map and truth are files.
+    initial: start pose in the map frame, None for global localization; initial_sigma: its standard
+    deviations. start, end: stamps of the log between which it is used. mount: the laser's pose on
+    the robot, None for what the log says. beacons, beacon_ranges: paths, of a map of radio beacons
+    and of the ranges that the robot measured; both or neither. ceiling, images: paths, of a mosaic
+    of the ceiling and of a folder of images of it; those of a bag need no folder. scans: whether
+    those of the log are used; its odometry is in any case. derive_sonar: instead of them, a ring of
+    so many sonars. seed: None for a fresh one. robot: which one of an MRCLAM folder, None for other
+    logs. threads: None for one a core. filter … camera: names of parts. pace: that of the replay.
     settings: {part: {parameter: value}} where they differ from the defaults; text is read as what
     the parameter is.
 
@@ -69,6 +83,13 @@ class RunConfig:
     start: float | None = None
     end: float | None = None
     mount: Triple | None = None
+    robot: int | None = None
+    beacons: str | None = None
+    beacon_ranges: str | None = None
+    ceiling: str | None = None
+    images: str | None = None
+    scans: bool = True
+    derive_sonar: int | None = None
     seed: int | None = None
     threads: int | None = None
     filter: str = Composition.filter
@@ -81,6 +102,8 @@ class RunConfig:
     people: str = Composition.people
     sampler: str = Composition.sampler
     sightings: str = Composition.sightings
+    ranging: str = Composition.ranging
+    camera: str = Composition.camera
     pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 
@@ -89,8 +112,19 @@ class RunConfig:
             if part not in PARTS:
                 raise ConfigError(f"unknown part {part!r}; {suggest(part, PARTS)}")
         self._check_topics()
-        for role in ("map", "log", "truth"):
+        for role in ("map", "log", "truth", "beacons", "beacon_ranges", "ceiling", "images"):
             check_path(role, getattr(self, role) or "")
+        if (self.beacons is None) != (self.beacon_ranges is None):
+            raise ConfigError(
+                "beacons need both files: beacons says where they are, beacon_ranges what was "
+                "measured"
+            )
+        seen = self.images is not None or "image" in self.topics
+        if seen != (self.ceiling is not None):
+            raise ConfigError(
+                "a ceiling camera needs both: ceiling, the mosaic, and images, a folder, or the "
+                "topic of a bag that is the image"
+            )
         if self.mount is not None:
             check_mount(self.mount)
         if self.threads is not None and self.threads < 1:
@@ -107,13 +141,16 @@ class RunConfig:
         for role in self.topics:
             if role not in TOPICS:
                 raise ConfigError(f"unknown role {role!r} of a topic; {suggest(role, TOPICS)}")
-            if role != "scan" and not isinstance(self.topics[role], str):
+            if role not in ("scan", "image") and not isinstance(self.topics[role], str):
                 raise ConfigError(f"only one topic can be the {role}, got {self.topics[role]}")
         for role, path in (("map", self.map), ("truth", self.truth)):
             if path is not None and role in self.topics:
                 raise ConfigError(f"{role} is given twice, as a file and as a topic: give one")
-        if self.map is None and "map" not in self.topics:
-            raise ConfigError("which map? Give a file, or the topic of a bag that holds one")
+        if self.map is None and "map" not in self.topics and self.robot is None:
+            raise ConfigError(
+                "which map? Give a file, or the topic of a bag that holds one, or of an MRCLAM "
+                "folder the robot"
+            )
 
     def resolved(self) -> "RunConfig":
         """The same run with a seed, and with the value of each parameter spelt out."""
@@ -130,7 +167,7 @@ class RunConfig:
     @property
     def sensor_topics(self) -> Topics:
         """Those that hold events."""
-        return {role: names for role, names in self.topics.items() if role in ("scan", "odometry")}
+        return {role: names for role, names in self.topics.items() if role in SENSORS}
 
     @property
     def composition(self) -> Composition:

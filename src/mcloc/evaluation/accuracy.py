@@ -14,6 +14,7 @@ from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.trajectory import Trajectory
 
 LOST_LIMITS = ("0.5", "1", "2")  # m
+SIGHTED = 5.0  # s before or after a sighting of a landmark
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,9 @@ class Accuracy:
 
     lost_fraction: the share of time with a position error above 0.5, 1 and 2 m. converged,
     time_to_converge_s and distance_to_converge_m speak of the stretch after the last kidnapping, or
-    of the whole run, from its first scan on. recoveries: one for each kidnapping. None where
-    unknown.
+    of the whole run, from its first scan on. recoveries: one for each kidnapping. sighted: how many
+    references are within 5 s of a sighting of a landmark, and position_median_sighted_m, their
+    error. None where unknown.
     """
 
     position_median_m: float
@@ -39,11 +41,17 @@ class Accuracy:
     distance_to_converge_m: float | None
     nees_median: float | None
     recoveries: tuple[Recovery, ...]
+    sighted: int = 0
+    position_median_sighted_m: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The `accuracy` of summary.json, which leaves out the heading's RMSE and p95."""
+        """The `accuracy` of summary.json, which leaves out the heading's RMSE and p95; and what is
+        about sightings, where there were none.
+        """
         values = asdict(self)
         del values["heading_rmse_deg"], values["heading_p95_deg"]
+        if self.sighted == 0:
+            del values["sighted"], values["position_median_sighted_m"]
         values["recoveries"] = list(values["recoveries"])
         return values
 
@@ -55,13 +63,15 @@ def evaluate(
     odometry: Trajectory | None = None,
     kidnappings: Sequence[float] = (),
     scans: tuple[float, float] | None = None,
+    sightings: NDArray[np.float64] | None = None,
 ) -> Accuracy:
     """Compare an estimate with the truth, both in the map frame.
 
     odometry: the wheels' poses in their own frame; with it kidnappings are detected. kidnappings:
     stamps of those that were injected, seconds. scans: stamps of the first and the last scan; a
     filter that told no pose at the first ones or the last ones was not localized there; None: it
-    told one at all of them. Definitions: `errors`, `kidnapping`, `convergence`, `consistency`.
+    told one at all of them. sightings: (S,) stamps of those of landmarks, in order. Definitions:
+    `errors`, `kidnapping`, `convergence`, `consistency`.
 
     Raises TruthError if no reference stamp lies within the estimate.
     """
@@ -71,6 +81,9 @@ def evaluate(
     moved = find_kidnappings(whole.t, whole.reference, odometry, kidnappings)
     stretches = recoveries(whole, moved)
     last = stretches[-1]
+    seen = np.zeros(len(errors.t), dtype=np.bool_)
+    if sightings is not None and len(sightings):
+        seen = _within(errors.t, sightings, SIGHTED)
     return Accuracy(
         position_median_m=float(np.median(position)),
         position_rmse_m=_rms(position),
@@ -85,7 +98,17 @@ def evaluate(
         distance_to_converge_m=last.after_m,
         nees_median=nees_median(errors),
         recoveries=tuple(stretches[1:]),
+        sighted=int(seen.sum()),
+        position_median_sighted_m=float(np.median(position[seen])) if seen.any() else None,
     )
+
+
+def _within(t: NDArray[np.float64], stamps: NDArray[np.float64], most: float) -> NDArray[np.bool_]:
+    """(N,): whether any of the stamps (S,), in order, is at most so many seconds from each t."""
+    after = np.minimum(np.searchsorted(stamps, t), len(stamps) - 1)
+    nearest = np.minimum(np.abs(t - stamps[after]), np.abs(t - stamps[np.maximum(after - 1, 0)]))
+    close: NDArray[np.bool_] = nearest <= most
+    return close
 
 
 def _rms(values: NDArray[np.float64]) -> float:

@@ -1,12 +1,12 @@
 """Filters by name: each a composition of the same parts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, cast
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError
-from mcloc.events import Measurement, Scan, Sightings
+from mcloc.events import BeaconRanges, Image, Measurement, Scan, Sightings
 from mcloc.filters.filter import Filter
 from mcloc.filters.grid_proposal import GridProposal
 from mcloc.filters.hierarchical.kind import Hierarchical
@@ -19,7 +19,9 @@ from mcloc.filters.people import PEOPLE
 from mcloc.filters.recovery import RECOVERIES, WithoutRandomParticles
 from mcloc.filters.sensor_resetting import SensorResetting
 from mcloc.filters.topological import Topological
+from mcloc.maps.beacons import Beacons
 from mcloc.maps.landmarks import Landmarks
+from mcloc.maps.mosaic import Mosaic
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.motion import MOTIONS
 from mcloc.proposals.dual import Dual
@@ -33,8 +35,11 @@ from mcloc.resampling import RESAMPLERS
 from mcloc.sample_size import SIZES, Fixed
 from mcloc.sample_size.split import Split
 from mcloc.samplers import SAMPLERS
+from mcloc.samplers.beacon_circles import BeaconCircles
+from mcloc.samplers.ceiling_index import CeilingIndex
 from mcloc.samplers.fused import FusedSampler
-from mcloc.sensors import SENSORS, SIGHTINGS
+from mcloc.samplers.landmark_circles import LandmarkCircles
+from mcloc.sensors import CAMERAS, RANGINGS, SENSORS, SIGHTINGS
 from mcloc.sensors.fused import Fused
 
 
@@ -149,20 +154,28 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "people": PEOPLE,
     "sampler": SAMPLERS,
     "sightings": SIGHTINGS,
+    "ranging": RANGINGS,
+    "camera": CAMERAS,
 }
 
 
 @dataclass(frozen=True)
 class Aid:
     """What else than walls a place has for sensors to see. kind: of the parts that model these
-    sensors. measures: what these tell.
+    sensors. measures: what these tell. sampler: of poses from it, by such a model and where a
+    robot can be.
     """
 
     kind: str
     measures: type[Measurement]
+    sampler: Callable[[Any, Environment], PoseSampler]
 
 
-AIDS: Mapping[type, Aid] = {Landmarks: Aid("sightings", Sightings)}
+AIDS: Mapping[type, Aid] = {
+    Landmarks: Aid("sightings", Sightings, LandmarkCircles),
+    Mosaic: Aid("camera", Image, CeilingIndex),
+    Beacons: Aid("ranging", BeaconRanges, BeaconCircles),
+}
 """By the map of them."""
 
 
@@ -180,6 +193,8 @@ class Composition:
     people: str = "none"
     sampler: str = "grid-match"
     sightings: str = "landmarks"
+    ranging: str = "beacons"
+    camera: str = "ceiling-patch"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid, *aids: Any) -> Filter[Any]:
@@ -220,10 +235,14 @@ class Composition:
     ) -> PoseSampler:
         if not isinstance(sensor, Fused):
             return cast(PoseSampler, self._part("sampler", grid, sensor, environment))
-        samplers: dict[type[Measurement], PoseSampler] = {}
-        for measures, model in sensor.models.items():
-            if measures is Scan:
-                samplers[measures] = self._part("sampler", grid, model, environment)
+        models = dict(sensor.models)
+        samplers: dict[type[Measurement], PoseSampler] = {
+            aid.measures: aid.sampler(models[aid.measures], environment)
+            for aid in AIDS.values()
+            if aid.measures in models
+        }
+        if Scan in models:
+            samplers[Scan] = self._part("sampler", grid, models[Scan], environment)
         return FusedSampler(samplers)
 
     def _part(self, kind: str, *bound: object) -> Any:

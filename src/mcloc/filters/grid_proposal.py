@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
 from mcloc.estimate import Hypothesis, away, hypotheses
+from mcloc.events import Scan
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.models import Models
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
@@ -22,7 +23,9 @@ from mcloc.proposals.target import Target
 from mcloc.protocols import Density, Environment, Indices, MotionModel, PoseSampler, SensorModel
 from mcloc.registry import Configurable, param
 from mcloc.resampling import Systematic
+from mcloc.samplers.fused import FusedSampler
 from mcloc.samplers.grid_match import GridMatch
+from mcloc.sensors.fused import Fused
 from mcloc.statespace import SE2, LogWeights, States
 from mcloc.storage import Arrays
 
@@ -226,7 +229,7 @@ class GridProposal(Configurable):
 
     def compose(self, models: Models) -> GridProposalFilter:
         chosen = models.motion, models.sensor, models.environment
-        sampler = GridMatch(models.grid, models.sensor, models.environment, spacing=self.spacing)
+        sampler = self._sampler(models)
         return GridProposalFilter(
             *chosen,
             models.recovery,
@@ -239,3 +242,16 @@ class GridProposal(Configurable):
             self.rate,
             self.collapsed,
         )
+
+    def _sampler(self, models: Models) -> PoseSampler:
+        """Its own one for scans, and for all else the usual ones."""
+
+        def of_scans(sensor: SensorModel) -> PoseSampler:
+            return GridMatch(models.grid, sensor, models.environment, spacing=self.spacing)
+
+        usual = models.sampler() if isinstance(models.sensor, Fused) else None
+        if not isinstance(models.sensor, Fused) or not isinstance(usual, FusedSampler):
+            return of_scans(models.sensor)
+        if Scan not in models.sensor.models:
+            return usual
+        return FusedSampler({**usual.samplers, Scan: of_scans(models.sensor.models[Scan])})

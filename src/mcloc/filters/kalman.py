@@ -1,6 +1,7 @@
 """x̂ = x̄ + Λ⁻¹ J (z − x̄), Λ = Σ̄⁻¹ + J: an extended Kalman filter that measures the pose at which
 a scan matches the map, with information J  [Fox99, Kalman filter-based techniques; Gutmann,
-Schlegel: AMOS, EUROBOT 1996; Probabilistic Robotics, Tables 3.3 and 3.4].
+Schlegel: AMOS, EUROBOT 1996; Probabilistic Robotics, Tables 3.3 and 3.4]; sightings of landmarks
+it measures as they are (landmark_ekf.py).
 """
 
 from collections.abc import Mapping
@@ -16,7 +17,9 @@ from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.estimate import Hypothesis, away
+from mcloc.events import BeaconRanges, Sightings
 from mcloc.filters.filter import StepInfo
+from mcloc.filters.landmark_ekf import LandmarkEKF
 from mcloc.filters.models import Models
 from mcloc.filters.pose_match import match
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
@@ -25,6 +28,8 @@ from mcloc.motion.moments import moments_of_move
 from mcloc.particles import Particles, log_sums_exp
 from mcloc.protocols import Density, Environment, MotionModel, SensorModel
 from mcloc.registry import Configurable, param
+from mcloc.sensors.fused import Fused
+from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.statespace import SE2, LogWeights, States
 from mcloc.storage import Arrays
 
@@ -50,6 +55,7 @@ class GaussianBelief:
 @dataclass(frozen=True)
 class KalmanFilter:
     """The belief is one Gaussian. gate: deviations to each side within which scans are matched.
+    sightings: corrects by those of landmarks; None where there are none.
 
     Where the scan fits the prediction worse than usual, the move is doubted as in a particle
     filter: the Gaussian is that with the moments of both motion models.
@@ -60,6 +66,7 @@ class KalmanFilter:
     environment: Environment
     recovery: Recovery
     gate: float = 3.0
+    sightings: LandmarkEKF | None = None
 
     def start(self, initial: Density, draws: Draws) -> GaussianBelief:
         """The Gaussian that is given. Raises ConfigError for any other density."""
@@ -78,14 +85,14 @@ class KalmanFilter:
         evidence = bel.evidence.get(source, Evidence())
         expected = self._predicted(bel, self.motion, u, draws)
         log_evidence, likelihood = self._evidence(expected, z)
-        doubt = self.recovery.doubt(evidence, likelihood)
+        doubted = not isinstance(z, BeaconRanges)  # one range that is off is an outlier
+        doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
         if doubt > 0.0:
             loose = self._predicted(bel, self.motion.doubted(), u, draws)
             expected = _mixed(expected, loose, doubt)
             log_evidence, likelihood = self._evidence(expected, z)
-        found = match(lambda x: self._log_p(x, z), expected, self._gate(expected))
-        mean, covariance = _corrected(expected, found.pose, found.information)
-        after = GaussianBelief(mean, covariance)
+        corrected, weighed = self._corrected(expected, z)
+        after = GaussianBelief(corrected.mean, corrected.covariance)
         sure = away(after.particles, SE2) <= LITTLE
         readings = self.sensor.readings(z)
         evidence = evidence.updated(likelihood, readings, self.recovery.rates, sure)
@@ -94,7 +101,7 @@ class KalmanFilter:
             ess=float(POINTS),
             log_evidence=log_evidence,
             evidence=evidence,
-            weighed=found.weighed + (2 if doubt > 0.0 else 1) * POINTS,
+            weighed=weighed + (2 if doubt > 0.0 else 1) * POINTS,
             doubt=doubt,
         )
         return replace(after, evidence={**bel.evidence, source: evidence}), info
@@ -126,6 +133,13 @@ class KalmanFilter:
         turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         covariance = transported(bel.mean, bel.covariance, move) + turn @ noise @ turn.T
         return Gaussian(compose(bel.mean, move), covariance)
+
+    def _corrected(self, expected: Gaussian, z: Any) -> tuple[Gaussian, int]:
+        """By what z measures, and at how many poses it was looked."""
+        if self.sightings is not None and isinstance(z, Sightings):
+            return self.sightings(expected, z)
+        found = match(lambda x: self._log_p(x, z), expected, self._gate(expected))
+        return _corrected(expected, found.pose, found.information), found.weighed
 
     def _gate(self, expected: Gaussian) -> NDArray[np.float64]:
         """(3,): how far from the expected mean a scan is matched, m, m, rad."""
@@ -161,11 +175,9 @@ def _mixed(a: Gaussian, b: Gaussian, share: float) -> Gaussian:
     return Gaussian(mean, within + share * (1.0 - share) * np.outer(apart, apart))
 
 
-def _corrected(
-    expected: Gaussian, pose: Pose, information: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean and covariance after a pose was measured with such information, which may be singular:
-    Λ⁻¹ = (I + Σ̄ J)⁻¹ Σ̄.
+def _corrected(expected: Gaussian, pose: Pose, information: NDArray[np.float64]) -> Gaussian:
+    """After a pose was measured with such information, which may be singular, Λ⁻¹ = (I + Σ̄ J)⁻¹
+    Σ̄.
     """
     prior = expected.covariance
     covariance = np.linalg.solve(np.eye(3) + prior @ information, prior)
@@ -174,7 +186,7 @@ def _corrected(
     innovation[2] = wrap(innovation[2])
     mean = expected.mean + covariance @ information @ innovation
     mean[2] = wrap(mean[2])
-    return mean, covariance
+    return Gaussian(mean, covariance)
 
 
 def _points(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> States:
@@ -204,7 +216,8 @@ _NORMAL = _normal()
 @dataclass(frozen=True)
 class Kalman(Configurable):
     """An extended Kalman filter: one Gaussian, and as measurement the pose at which a scan matches
-    the map. A baseline: it needs a start pose, and once it is wrong it stays wrong.
+    the map, or ranges and bearings to known landmarks. A baseline: it needs a start pose, and once
+    it is wrong it stays wrong.
 
     Of recovery it takes the doubt in the wheels and how fast the averages follow; it has no use for
     random particles, nor for size, resampler, people and sampler.
@@ -213,11 +226,14 @@ class Kalman(Configurable):
     gate: float = param(
         3.0,
         "",
-        "deviations around the expected pose within which scans are matched",
+        "deviations around what is expected within which scans are matched, landmarks believed",
         above=0,
         high=10,
     )
 
     def compose(self, models: Models) -> KalmanFilter:
         chosen = models.motion, models.sensor, models.environment
-        return KalmanFilter(*chosen, models.recovery, self.gate)
+        known = models.sensor.models if isinstance(models.sensor, Fused) else {}
+        landmarks = known.get(Sightings)
+        ekf = LandmarkEKF(landmarks, self.gate) if isinstance(landmarks, LandmarkModel) else None
+        return KalmanFilter(*chosen, models.recovery, self.gate, ekf)

@@ -11,6 +11,7 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis, away, hypotheses
+from mcloc.events import BeaconRanges
 from mcloc.filters.drawing import draw
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.people import NoPeopleFilter
@@ -124,7 +125,9 @@ class ParticleFilter:
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         total, likelihood = self._totals(drawn[0], z, filtered)
-        doubt = self.recovery.doubt(evidence, likelihood)
+        # One range that is off is an outlier more often than a lie of the wheels.
+        doubted = not isinstance(z, BeaconRanges)
+        doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
             total, likelihood = self._totals(drawn[0], z, filtered)

@@ -6,6 +6,7 @@ robots in dynamic environments, JAIR 11, 1999, §3.3].
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ class NoPeopleFilter(Configurable):
 
     grid: OccupancyGrid | None = None
 
-    def without_people(self, z: Scan, predictive: Predictive) -> tuple[Scan, float]:
+    def without_people(self, z: Any, predictive: Predictive) -> tuple[Any, float]:
         """z as it is."""
         return z, 0.0
 
@@ -47,8 +48,12 @@ class _ScanFilter(Configurable, ABC):
         0.2, "m", "deviation of returns from the expected range", low=1e-3, high=5
     )
 
-    def without_people(self, z: Scan, predictive: Predictive) -> tuple[Scan, float]:
-        """z without what people seem to have caused, and the share of its returns that this is."""
+    def without_people(self, z: Any, predictive: Predictive) -> tuple[Any, float]:
+        """z without what people seem to have caused, and the share of its returns that this is;
+        what is no scan stays as it is.
+        """
+        if not isinstance(z, Scan):
+            return z, 0.0
         returns = np.flatnonzero(z.returned)
         if not len(returns):
             return z, 0.0

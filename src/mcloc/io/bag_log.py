@@ -1,4 +1,5 @@
-"""A ROS bag as a log: LaserScan → Scan, Odometry or the transforms odom → base → Odometry.
+"""A ROS bag as a log: LaserScan → Scan, Odometry or the transforms odom → base → Odometry, and of
+a ceiling camera Image or CompressedImage → Image.
 
 Events come in the order of the recording; their stamps are those of the headers, when a thing was
 measured. Each scan topic is a laser of its own, called after its topic.
@@ -16,7 +17,10 @@ from mcloc.events import Event, Odometry, Scan
 from mcloc.geometry import Pose
 from mcloc.io.bag import Bag, Message, open_bag
 from mcloc.io.bag_files import BagFiles
+from mcloc.io.bag_images import image_of
 from mcloc.io.bag_messages import (
+    COMPRESSED_IMAGE,
+    IMAGE,
     LASER_SCAN,
     ODOMETRY,
     TF,
@@ -30,7 +34,7 @@ from mcloc.io.frames import frame_name, planar
 from mcloc.io.messages import Skipped
 from mcloc.registry import suggest
 
-ROLES = ("scan", "odometry")
+ROLES = ("scan", "odometry", "image")
 
 Topics = Mapping[str, str | Sequence[str]]
 
@@ -43,20 +47,27 @@ class _BagEvents:
     lasers: Mapping[str, Laser]
     odometry: str
     base: str
+    cameras: Sequence[str] = ()
 
     def __call__(self, skipped: Skipped) -> Iterator[Event]:
         with open_bag(self.files) as bag:
-            for topic, message in bag.messages([*self.lasers, self.odometry], skipped):
+            for topic, message in bag.messages(self._read, skipped):
                 for event in self._events(topic, bag.topics[topic], message):
                     if isinstance(event, str):
                         skipped[event] += 1
                     else:
                         yield event
 
+    @property
+    def _read(self) -> list[str]:
+        return [*self.lasers, *self.cameras, self.odometry]
+
     def _events(self, topic: str, kind: str, message: Message) -> Iterator[Event | str]:
         """What a message tells, or why it tells nothing."""
         if kind == LASER_SCAN:
             yield _scan(topic, self.lasers[topic], message)
+        elif topic in self.cameras:
+            yield image_of(topic, kind, message)
         elif kind == ODOMETRY:
             yield _odometry(message, planar(pose_matrix(message.pose.pose)))
         else:
@@ -70,18 +81,22 @@ def bag_events(
 ) -> Callable[[Skipped], Iterator[Event]]:
     """What gives the events of a bag, each time from the first on, counting what it leaves out.
 
-    mount: (3,) of the only laser. topics: of the roles scan (one or several) and odometry (a topic
-    of Odometry or TFMessage); by default those whose type fits. Raises LogError and ConfigError.
+    mount: (3,) of the only laser. topics: of the roles scan (one or several), odometry (a topic of
+    Odometry or TFMessage) and image (one or several, of a camera that looks at the ceiling); of
+    the first two by default those whose type fits, but no images. A bag of which images are read
+    needs no scans. Raises LogError and ConfigError.
     """
     wanted = _wanted(topics or {})
     with open_bag(files) as bag:
         scans = _scans(bag, wanted.get("scan", []))
-        if not scans:
+        cameras = [bag.topic(name, IMAGE, COMPRESSED_IMAGE) for name in wanted.get("image", [])]
+        if not scans and not cameras:
             raise LogError(f"{bag.path}: holds no {LASER_SCAN}; its topics: {bag.listing()}")
         odometry = _odometry_topic(bag, wanted.get("odometry", []))
         frames = laser_frames(bag, scans)
         base = base_frame(bag, odometry, frames.values())
-        return _BagEvents(files, lasers(bag, scans, frames, base, mount), odometry, base)
+        at = lasers(bag, scans, frames, base, mount)
+        return _BagEvents(files, at, odometry, base, list(dict.fromkeys(cameras)))
 
 
 def bag_odometry(files: BagFiles, topics: Topics | None) -> Callable[[Skipped], Iterator[Event]]:

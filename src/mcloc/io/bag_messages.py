@@ -6,6 +6,8 @@ from mcloc.io.bag import Message
 from mcloc.io.frames import Transform, frame_name, transform
 
 LASER_SCAN = "sensor_msgs/LaserScan"
+IMAGE = "sensor_msgs/Image"
+COMPRESSED_IMAGE = "sensor_msgs/CompressedImage"
 ODOMETRY = "nav_msgs/Odometry"
 TF = ("tf2_msgs/TFMessage", "tf/tfMessage")
 GRID = "nav_msgs/OccupancyGrid"

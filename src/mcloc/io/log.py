@@ -17,6 +17,7 @@ from mcloc.io.bag_files import find_bag
 from mcloc.io.bag_log import Topics, bag_events, bag_odometry
 from mcloc.io.carmen import CARMEN
 from mcloc.io.messages import Format, Skipped
+from mcloc.io.mrclam import Mrclam, is_mrclam
 from mcloc.io.wean import WEAN
 from mcloc.textfile import TextFile
 
@@ -26,33 +27,63 @@ MOST_MOUNTS = 4  # lasers on one robot
 SAME_MOUNT = 0.05  # m, rad
 
 
-def read_log(path: str | Path, mount: ArrayLike | None = None, topics: Topics | None = None) -> Log:
-    """The log in a file or a bag's folder, its format told by its content; text may be gzip.
+def read_log(
+    path: str | Path,
+    mount: ArrayLike | None = None,
+    topics: Topics | None = None,
+    robot: int | None = None,
+) -> Log:
+    """The log in a file or a folder, its format told by its content; text may be gzip.
 
-    mount: (3,) x, y in metres, θ in radians: the laser's pose in the robot's frame, instead of what
-    the log says. topics: which topics of a ROS bag to read, of the roles scan (one or several) and
-    odometry; by default those whose type fits. Raises LogError for a file that is missing,
-    unreadable, empty or no known log, and for a bag without scans or odometry; ConfigError for a
-    mount that is no pose and for topics that are not there or leave a choice.
+    mount: (3,) x, y in metres, θ in radians: the laser's pose in the robot's frame, or the
+    camera's, instead of what the log says. topics: which topics of a ROS bag to read, of the roles
+    scan (one or several) and odometry; by default those whose type fits. robot: which one of an
+    MRCLAM folder. Raises LogError for a file that is missing, unreadable, empty or no known log,
+    and for a bag without scans or odometry; ConfigError for a mount that is no pose, for topics or
+    a robot that are not there, and where these leave a choice.
     """
     at = _checked(mount)
+    if is_mrclam(path):
+        if topics:
+            raise ConfigError(f"{path}: topics are of ROS bags; this is an MRCLAM folder")
+        folder = Mrclam(str(path), robot)
+        return _FileLog(str(path), partial(folder.events, np.zeros(3) if at is None else at))
+    if robot is not None:
+        raise ConfigError(f"{path}: robots are of MRCLAM folders; leave --robot out")
     if (bag := find_bag(path)) is not None:
         return _FileLog(str(path), bag_events(bag, at, topics))
     text, kind = _text_log(path, topics)
     return _FileLog(text.path, partial(_text_events, text, kind, at))
 
 
-def read_odometry(path: str | Path, topics: Topics | None = None) -> Iterator[Event]:
+def read_odometry(
+    path: str | Path, topics: Topics | None = None, robot: int | None = None
+) -> Iterator[Event]:
     """What tells the odometry of such a log, once: of a bag without the scans, of text all events.
 
     Where the lasers sit need not be known, and is not checked. Raises as `read_log`.
     """
+    if is_mrclam(path) or robot is not None:
+        return iter(read_log(path, None, topics, robot))
     if (bag := find_bag(path)) is not None:
         events = bag_odometry(bag, topics)
     else:
         text, kind = _text_log(path, topics)
         events = partial(kind.events, text)
     return (event for event in events(Counter()) if _unusable(event) is None)
+
+
+Change = Callable[[Iterator[Event], Skipped], Iterator[Event]]
+"""What is made of a log's events before any is left out; it counts what it leaves out itself."""
+
+
+def changed(log: Log, change: Change) -> Log:
+    """A log that `read_log` gave, with a change made to its events, such as to add what was
+    recorded beside it.
+    """
+    assert isinstance(log, _FileLog)
+    events = log.events
+    return _FileLog(log.path, lambda skipped: change(events(skipped), skipped))
 
 
 def _text_log(path: str | Path, topics: Topics | None) -> tuple[TextFile, Format]:
@@ -64,7 +95,9 @@ def _text_log(path: str | Path, topics: Topics | None) -> tuple[TextFile, Format
                 raise ConfigError(f"{path}: topics are of ROS bags; this is {candidate.name}")
             return text, candidate
     known = ", ".join(known.name for known in FORMATS)
-    raise LogError(f"{path}: not a log that can be read; known formats: {known}, ROS bags")
+    raise LogError(
+        f"{path}: not a log that can be read; known formats: {known}, ROS bags, MRCLAM folders"
+    )
 
 
 @dataclass(eq=False)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from mcloc.density import FAR
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis
-from mcloc.events import Event, Measurement, Odometry
+from mcloc.events import BeaconRanges, Event, Measurement, Odometry
 from mcloc.filters.catalog import Composition
 from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
@@ -25,6 +25,7 @@ from mcloc.localizer.leap_guard import LeapGuard
 from mcloc.localizer.odometry_buffer import OdometryBuffer
 from mcloc.localizer.pace import Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
+from mcloc.localizer.record import Records, noted, told
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.protocols import Density
 
@@ -48,7 +49,7 @@ class Localizer:
     `ignored`; None loses none. Call `set_pose`, `start_globally`, `force_update` and `swap_map`
     between two events. `belief` makes one to go on with instead of a start: not every filter can
     start from nothing. `withheld` are the measurements of the last event for which the filter told
-    no pose: the stamp of each, and the wheels' pose.
+    no pose: the stamp of each, and the wheels' pose. `record` is how well each sensor has fitted.
     """
 
     def __init__(
@@ -75,6 +76,8 @@ class Localizer:
         self.step = 0  # of the random numbers; each start and each update takes one
         self.update: Update | None = None
         self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
+        self.record: Records = {}
+        self._beacons_alone = True  # so far: nothing else has been used
         self._odometry = OdometryBuffer(self.ignored)
         self._guard: LeapGuard[Measurement] = LeapGuard()
         self._waiting: list[Measurement] = []
@@ -159,6 +162,10 @@ class Localizer:
         self.grid = grid
         self.belief = self.filter.adopted(self.belief)
 
+    def told(self, z: Measurement) -> Measurement:
+        """A measurement with what is known by now of the sensors that it comes from."""
+        return told(z, self.record, self._beacons_alone)
+
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
         self.update, self._stepped_at, self._forced = None, None, False
@@ -196,9 +203,18 @@ class Localizer:
             at = z.odometry if z.odometry is not None else self._odometry.at(z.t)
             if at is None:
                 self.ignored[f"{z.called} without odometry"] += 1
-            elif (estimate := self._localize(z, at)) is not None:
-                done.append(estimate)
+            else:
+                estimates = [self._localize(part, at) for part in self._parts(z)]
+                done += [estimate for estimate in estimates if estimate is not None]
         return done
+
+    def _parts(self, z: Measurement) -> list[Measurement]:
+        """What is measured apart: each beacon by itself, so that a bad one is found out; but for
+        the first ranges after a start, since several of them tell a place and one of them does not.
+        """
+        if not isinstance(z, BeaconRanges) or self.update is None:
+            return [z]
+        return [one for one in z.of_each() if one.useful]
 
     def _ready(self, z: Measurement) -> bool:
         """Whether its odometry is known, and no other sensor may still bring something older."""
@@ -224,7 +240,9 @@ class Localizer:
             due = False
         if due:
             news = 1.0 if moved is None or not z.repeats else self.policy.novelty(moved)
-            self.update = self._measure(replace(z, novelty=news), u)
+            self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
+            self.update = self._measure(self.told(replace(z, novelty=news)), u)
+            noted(self.record, z, news, self.update, self.filter.sensor)
             beams = self.filter.sensor.beams(z)
             self._busy_until = z.t + self.pace.seconds(self.update, beams)
             self._used_at[z.source] = self._stepped_at = at

@@ -19,12 +19,13 @@ from mcloc.localizer.leap_guard import LeapGuard
 from mcloc.localizer.localizer import Localizer
 from mcloc.localizer.pace import PACES, Pace
 from mcloc.localizer.policy import UpdatePolicy
+from mcloc.localizer.record import Record
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 5
+VERSION = 6
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
@@ -70,6 +71,8 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "odometry_guard": _guard(localizer._odometry.guard),
         "scan_guard": _guard(localizer._guard),
         "newest": {source: str(t) for source, t in localizer._newest.items()},
+        "record": {source: asdict(record) for source, record in localizer.record.items()},
+        "beacons_alone": localizer._beacons_alone,
         "done": str(localizer._done),
         "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
         "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
@@ -141,6 +144,8 @@ def _unpacked(
         _measurement(z, f"waiting{k}", arrays) for k, z in enumerate(values["waiting"])
     ]
     localizer._newest.update({source: float(t) for source, t in values["newest"].items()})
+    localizer.record.update({source: Record(**r) for source, r in values["record"].items()})
+    localizer._beacons_alone = values["beacons_alone"]
     localizer._done = float(values["done"])
     localizer._used_at = {source: np.array(p) for source, p in values["used_at"].items()}
     if values["stepped_at"] is not None:

@@ -28,9 +28,9 @@ class Landmarks:
     name: str = "landmarks"  # of the file, for messages
 
     def __post_init__(self) -> None:
-        places = np.array(self.places, dtype=np.float64).reshape(len(self.names), -1)
         if len(self.names) == 0:
             raise MapError(f"{self.name}: there is no landmark in it")
+        places = np.array(self.places, dtype=np.float64).reshape(len(self.names), -1)
         if places.shape[1] != 2 or not (np.abs(places) < FARTHEST).all():
             raise MapError(
                 f"{self.name}: each landmark needs finite x, y in metres, less than {FARTHEST:g} "

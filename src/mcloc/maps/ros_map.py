@@ -35,7 +35,7 @@ SHADES = {OCCUPIED: 0, UNKNOWN: 205, FREE: 254}
 
 def read(text: TextFile) -> OccupancyGrid:
     """The map of a YAML file and its image. Raises MapError."""
-    fields = _fields(text)
+    fields = yaml_fields(text)
     mode = fields.get("mode", "trinary")
     if mode not in MODES:
         raise MapError(f"{text.path}: mode must be one of {', '.join(MODES)}, got {mode!r}")
@@ -45,10 +45,10 @@ def read(text: TextFile) -> OccupancyGrid:
     image = fields.get("image")
     if not isinstance(image, str) or not image:
         raise MapError(f"{text.path}: has no image; name the PGM or PNG with image:")
-    resolution = _number(text, fields, "resolution")
-    occupied = _number(text, fields, "occupied_thresh", "0.65")
-    free = _number(text, fields, "free_thresh", "0.196")
-    origin = _origin(text, fields)
+    resolution = yaml_number(text, fields, "resolution")
+    occupied = yaml_number(text, fields, "occupied_thresh", "0.65")
+    free = yaml_number(text, fields, "free_thresh", "0.196")
+    origin = yaml_origin(text, fields)
 
     levels, white, transparent = _open_image(text, Path(text.path).parent / image, mode)
     shade = np.arange(white + 1) / white
@@ -98,7 +98,7 @@ def write(grid: OccupancyGrid, path: Path) -> None:
     )
 
 
-def _fields(text: TextFile) -> dict[str, Any]:
+def yaml_fields(text: TextFile) -> dict[str, Any]:
     """A YAML mapping, its scalars as text: YAML 1.1 takes 5e-2 for a word, ROS for a number."""
     import yaml
 
@@ -114,7 +114,10 @@ def _fields(text: TextFile) -> dict[str, Any]:
     return fields
 
 
-def _number(text: TextFile, fields: dict[str, Any], key: str, default: str | None = None) -> float:
+def yaml_number(
+    text: TextFile, fields: dict[str, Any], key: str, default: str | None = None
+) -> float:
+    """A number. Raises MapError."""
     value = fields.get(key, default)
     if value is None:
         raise MapError(f"{text.path}: has no {key}")
@@ -124,7 +127,8 @@ def _number(text: TextFile, fields: dict[str, Any], key: str, default: str | Non
         raise MapError(f"{text.path}: {key} must be a number, got {value!r}") from None
 
 
-def _origin(text: TextFile, fields: dict[str, Any]) -> NDArray[np.float64]:
+def yaml_origin(text: TextFile, fields: dict[str, Any]) -> NDArray[np.float64]:
+    """x, y, yaw, as many as there are. Raises MapError."""
     value = fields.get("origin")
     try:
         return np.array([float(number) for number in value or ()], dtype=np.float64)

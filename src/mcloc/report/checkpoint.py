@@ -12,10 +12,10 @@ from mcloc.localizer.state import packed, unpacked
 from mcloc.report.run import Run
 from mcloc.storage import read_state, write_state
 
-VERSION = 3
+VERSION = 4
 NAME = "checkpoint.npz"
 
-_TABLES = ("rows", "updates", "withheld", "sizes")
+_TABLES = ("rows", "updates", "withheld", "sighted", "sizes")
 
 
 class Checkpoints:
@@ -68,7 +68,7 @@ def resume(path: Path, threads: int | None = None) -> Run:
         localizer = values["localizer"]
     except KeyError as cause:
         raise StateError(f"{path}: damaged, or no saved run ({cause} is missing)") from cause
-    run.localizer = unpacked(str(path), localizer, arrays, run.grid)
+    run.localizer = unpacked(str(path), localizer, arrays, run.grid, run.aids)
     run.history.sizes = type(run.history.sizes)(run.history.sizes.width)
     for name, table in tables.items():
         getattr(run.history, name).extend(table)
@@ -77,6 +77,7 @@ def resume(path: Path, threads: int | None = None) -> Run:
 
 def _config(path: Path, values: dict[str, Any]) -> RunConfig:
     try:
-        return RunConfig(**checked(str(path), parse_yaml(str(path), values["config"])))
+        entries = checked(str(path), parse_yaml(str(path), values["config"]))
+        return RunConfig(**{"map": None, **entries})
     except KeyError as cause:
         raise StateError(f"{path}: damaged, or no saved run ({cause} is missing)") from cause

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.geometry import Pose
+from mcloc.events import Odometry, Sightings
+from mcloc.geometry import Pose, between, compose, transported
 from mcloc.localizer import Estimate
 from mcloc.report.rows import Rows
 from mcloc.trajectory import Trajectory
@@ -18,18 +19,22 @@ COLUMNS = (
 )
 """Of estimates.csv: m, rad, s."""
 
-ALL = (*COLUMNS, "odometry_x", "odometry_y", "odometry_theta")
+ALL = (*COLUMNS, "carried", "odometry_x", "odometry_y", "odometry_theta")
+
+SILENT = 0.5  # s without a measurement after which the wheels alone carry an estimate along
 
 
 class History:
     """A row for each stamp with an estimate, one for each update that told one, the scans at which
-    none was told, and the sizes of all sample sets drawn.
+    none was told, the stamps of the sightings of landmarks that were used, and the sizes of all
+    sample sets drawn.
     """
 
     def __init__(self) -> None:
         self.rows = Rows(len(ALL))
         self.updates = Rows(3)  # t, seconds that it took, particles
         self.withheld = Rows(4)  # t, x, y, θ of the wheels, of scans without an estimate
+        self.sighted = Rows(1)  # t
         self.sizes = Rows(3)  # step, which of its sets, particles
 
     def __len__(self) -> int:
@@ -44,15 +49,33 @@ class History:
         row = (
             *(e.t, *e.pose, *e.covariance[UPPER]),
             *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),
-            *(evidence.fast, evidence.slow, e.update.explained, *e.odometry),
+            *(evidence.fast, evidence.slow, e.update.explained, 0.0, *e.odometry),
         )
         _drop_from(e.t, self.rows)
         _drop_from(e.t, self.withheld)
         self.rows.add(*row)
         if e.updated:
             self.updates.add(e.t, e.update.duration, info.n)
+            if isinstance(e.measurement, Sightings):
+                self.sighted.add(e.t)
             for nth, n in enumerate(info.sizes):
                 self.sizes.add(e.update.step, nth, n)
+
+    def carry(self, event: Odometry) -> None:
+        """Carry the last estimate along the odometry to an event, if nothing was measured for some
+        time: sensors that see landmarks may see none for minutes. Not while the filter withholds.
+        """
+        if not len(self) or event.t - self.last("t") < SILENT:
+            return
+        if len(self.withheld) and self.withheld.last[0] > self.last("t"):
+            return
+        last = np.array(self.rows.last)
+        u = between(last[-3:], event.pose)
+        covariance = np.empty((3, 3))
+        covariance[UPPER] = covariance[UPPER[::-1]] = last[4:10]
+        moved = transported(last[1:4], covariance, u)[UPPER]
+        told = last[10 : ALL.index("explained_beams")]
+        self.rows.add(event.t, *compose(last[1:4], u), *moved, *told, np.nan, 1.0, *event.pose)
 
     def withhold(self, t: float, odometry: Pose) -> None:
         """Take note of a scan for which the filter told no pose; odometry: (3,) of the wheels."""
@@ -84,9 +107,14 @@ class History:
         return Trajectory(table[order, 0], table[order, 1:])
 
     @property
+    def scans(self) -> int:
+        """At how many an estimate was told: all rows but those that the wheels alone carried."""
+        return int(np.sum(self.column("carried") == 0.0))
+
+    @property
     def share_withheld(self) -> float:
         """Of the scans, 0 … 1."""
-        return len(self.withheld) / (len(self.withheld) + len(self))
+        return len(self.withheld) / (len(self.withheld) + self.scans)
 
     def estimates_csv(self) -> Iterator[str]:
         """Lines: one for each stamp; explained_beams is empty for a scan without returns.

@@ -10,6 +10,7 @@ from mcloc.errors import TruthError
 from mcloc.evaluation.accuracy import LOST_LIMITS
 from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.report.beacons import draw_beacons
 from mcloc.report.beliefs import draw_belief
 from mcloc.report.run import Run
 from mcloc.trajectory import Trajectory
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 MARGIN = 2.0  # m of map around what happened
 JUMP = 1.0  # m that a path moves more than the wheels do: it is not drawn as driven
-BELIEVED, TRUE, SPREAD, LOST = "#1f5fbf", "#3a9a4b", "0.6", "#c0392b"
+BELIEVED, TRUE, SPREAD, LOST, SEEN = "#1f5fbf", "#3a9a4b", "0.6", "#c0392b", "#f4c430"
 UNKNOWN_SHADE = 0.82
 
 
@@ -55,11 +56,11 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     """The map from above with the true and the estimated path and the last particles."""
     draw_grid(axes, run.grid)
     wheels = run.history.wheels
-    shown = [estimate.poses]
+    shown = [estimate.poses[:, :2]]
     if run.truth is not None:
         within = (run.truth.t >= estimate.t[0]) & (run.truth.t <= estimate.t[-1])
         truth = Trajectory(run.truth.t[within], run.truth.poses[within])
-        shown.append(truth.poses)
+        shown.append(truth.poses[:, :2])
         axes.plot(*broken_at_jumps(truth, wheels).T, color=TRUE, lw=3.5, alpha=0.8, label="truth")
     axes.plot(*broken_at_jumps(estimate, wheels).T, color=BELIEVED, lw=1.4, label="estimate")
     start = estimate.poses[0, :2]
@@ -78,9 +79,13 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
             label="hypotheses at the end",
         )
     draw_belief(axes, run.localizer.belief)
+    if run.landmarks is not None:
+        shown.append(run.landmarks.places)
+        axes.plot(*run.landmarks.places.T, "*", color="k", ms=9, mfc=SEEN, label="landmarks")
+    shown += draw_beacons(axes, run)
     _zoom(axes, np.concatenate(shown))
     axes.set(xlabel="x [m]", ylabel="y [m]", title=_title(run))
-    axes.get_figure().legend(loc="outside lower left", ncols=5, frameon=False)  # type: ignore[union-attr]
+    axes.get_figure().legend(loc="outside lower left", ncols=6, frameon=False)  # type: ignore[union-attr]
 
 
 def draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
@@ -99,8 +104,8 @@ def draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
 
 
 def _zoom(axes: "Axes", shown: NDArray[np.float64]) -> None:
-    """Where the robot was, true or believed, and some surroundings."""
-    low, high = shown[:, :2].min(axis=0) - MARGIN, shown[:, :2].max(axis=0) + MARGIN
+    """Where the robot was, true or believed, landmarks, and some surroundings."""
+    low, high = shown.min(axis=0) - MARGIN, shown.max(axis=0) + MARGIN
     axes.set_aspect("equal", adjustable="datalim")
     # Not fixed, so that one of the two may grow until the map fills its place.
     axes.set_xlim(low[0], high[0], auto=True)

@@ -9,15 +9,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from mcloc.config import RunConfig
-from mcloc.errors import LogError, StateError
-from mcloc.events import Event, arrays_of
+from mcloc.errors import ConfigError, LogError, StateError
+from mcloc.events import Event, Odometry, arrays_of
 from mcloc.io.bag_map import read_map
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
+from mcloc.io.mrclam import Mrclam, is_mrclam
 from mcloc.io.tum import read_trajectory
 from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
+from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.report.aids import aids_of, measured_log
 from mcloc.report.history import History
 from mcloc.trajectory import Trajectory
 
@@ -27,7 +30,7 @@ MOST_BEYOND = 1000  # events after `end` in a row, then no more are looked at
 class Run:
     """One run: iterate over it once to make it; what it finds stays in it, also when it breaks off.
 
-    config: of the run, complete. grid, truth: as loaded. localizer: its state after the last
+    config: of the run, complete. grid, truth, aids: as loaded. localizer: its state after the last
     event. history: what it found at each scan so far. consumed: events of the log so far.
     wall_time: seconds of processing so far. Raises McLocError at once where the config, the map or
     the truth cannot be right, or the log cannot be opened; LogError in the middle of a log that is
@@ -37,13 +40,16 @@ class Run:
     def __init__(self, config: RunConfig) -> None:
         self.config = config.resolved()
         self.truth = _truth(config)
-        self.grid = _grid(config)
-        self.log = read_log(config.log, config.mount, config.sensor_topics)
+        self.aids = aids_of(self.config)
+        self.grid = _grid(self.config, self.landmarks)
+        log = read_log(config.log, config.mount, config.sensor_topics, config.robot)
+        self.log = measured_log(log, self.config, self.aids)
         if config.threads is not None:
             set_threads(config.threads)
         self.localizer = Localizer(
             self.grid,
             self.config.composition,
+            aids=self.aids,
             seed=self.config.seed,
             initial=config.initial,
             initial_sigma=config.initial_sigma,
@@ -69,10 +75,18 @@ class Run:
         for event in self._events():
             self.consumed += 1
             self._last = event
-            yield self._noted(self.localizer.process(event), began)
+            estimates = self._noted(self.localizer.process(event), began)
+            if self.landmarks is not None and isinstance(event, Odometry):
+                self.history.carry(event)
+            yield estimates
         yield self._noted(self.localizer.finish(), began)
         if not len(self.history):
             raise LogError(f"{self.config.log}: {self._nothing()}")
+
+    @property
+    def landmarks(self) -> Landmarks | None:
+        """Those that the robot sees, if any."""
+        return next((aid for aid in self.aids if isinstance(aid, Landmarks)), None)
 
     @property
     def ignored(self) -> Counter[str]:
@@ -152,13 +166,24 @@ def fingerprint(event: Event) -> str:
     return told.hexdigest()
 
 
-def _grid(config: RunConfig) -> OccupancyGrid:
-    if config.map is None:
-        return read_map(config.log, config.topic("map"))
-    return OccupancyGrid.load(config.map)
+def _grid(config: RunConfig, landmarks: Landmarks | None) -> OccupancyGrid:
+    """The map; without one, the floor from which a landmark can be seen."""
+    if config.map is not None:
+        return OccupancyGrid.load(config.map)
+    if landmarks is not None:
+        reach = float(config.settings["sightings"]["range_max"])
+        return open_floor(landmarks.places, reach, landmarks.name)
+    if "map" not in config.topics:
+        raise ConfigError(
+            f"{config.log}: is no MRCLAM folder, which has a map: which map? Give a file, or the "
+            "topic of a bag that holds one"
+        )
+    return read_map(config.log, config.topic("map"))
 
 
 def _truth(config: RunConfig) -> Trajectory | None:
     if "truth" in config.topics:
         return read_truth(config.log, config.topic("truth"))
-    return None if config.truth is None else read_trajectory(config.truth)
+    if config.truth is not None:
+        return read_trajectory(config.truth)
+    return Mrclam(config.log, config.robot).truth if is_mrclam(config.log) else None

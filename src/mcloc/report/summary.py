@@ -9,6 +9,7 @@ import numpy as np
 from mcloc import __version__
 from mcloc.evaluation import Accuracy, evaluate
 from mcloc.geometry import Pose
+from mcloc.report.beacons import found_out
 from mcloc.report.run import Run
 from mcloc.trajectory import Trajectory
 
@@ -19,8 +20,13 @@ def accuracy_of(run: Run) -> Accuracy | None:
         return None
     history = run.history
     wheels = history.wheels
-    scans = float(wheels.t[0]), float(wheels.t[-1])
-    return evaluate(history.trajectory, run.truth, odometry=wheels, scans=scans)
+    return evaluate(
+        history.trajectory,
+        run.truth,
+        odometry=wheels,
+        scans=(float(wheels.t[0]), float(wheels.t[-1])),
+        sightings=history.sighted.table[:, 0],
+    )
 
 
 def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
@@ -41,7 +47,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "filter": config.filter,
         "sensor": config.sensor,
         "motion": config.motion,
-        "scans": len(history),
+        "scans": history.scans,
         "updates": len(history.updates),
         "duration_s": duration,
         "distance_m": _distance(wheels),
@@ -55,6 +61,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "ignored": dict(sorted(run.ignored.items())),
         "final": {**_pose(final[0].mean if final else nowhere), "hypotheses": found},
         "withheld": history.share_withheld,
+        "beacons": found_out(run),
         "accuracy": None if accuracy is None else accuracy.to_dict(),
     }
     return {key: _known(value) for key, value in summary.items()}

@@ -1,5 +1,9 @@
 """Worlds, drives and logs whose truth is known."""
 
+from mcloc.simulation.ceiling import CeilingPlan, ceiling_mosaic
+from mcloc.simulation.ceiling_camera import CeilingCamera
+from mcloc.simulation.ceiling_drive import CeilingDrive, CeilingTour, ceiling_drive
+from mcloc.simulation.ceiling_recording import write_ceiling_drive
 from mcloc.simulation.drive import Scenario, SimulatedDrive, evenly, office_drive, simulate
 from mcloc.simulation.laser import Laser
 from mcloc.simulation.museum import museum_world
@@ -8,18 +12,26 @@ from mcloc.simulation.ranges import ranges
 from mcloc.simulation.recording import write_drive
 from mcloc.simulation.robot import follow
 from mcloc.simulation.route import Roadmap, tour
+from mcloc.simulation.sonar import SonarRing
 from mcloc.simulation.teleports import Teleported, teleported
 from mcloc.simulation.wheels import Wheels
 from mcloc.simulation.world import WORLDS
 
 __all__ = [
     "WORLDS",
+    "CeilingCamera",
+    "CeilingDrive",
+    "CeilingPlan",
+    "CeilingTour",
     "Laser",
     "Roadmap",
     "Scenario",
     "SimulatedDrive",
+    "SonarRing",
     "Teleported",
     "Wheels",
+    "ceiling_drive",
+    "ceiling_mosaic",
     "evenly",
     "follow",
     "museum_world",
@@ -29,5 +41,6 @@ __all__ = [
     "simulate",
     "teleported",
     "tour",
+    "write_ceiling_drive",
     "write_drive",
 ]

@@ -1,0 +1,70 @@
+"""How well each sensor has fitted so far: what beacons are trusted by."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mcloc.events import BeaconRanges, Measurement
+from mcloc.localizer.estimate import Update
+from mcloc.protocols import SensorModel
+
+SURE = 0.9  # share of the belief at one place
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Of the readings of one sensor, counted where the filter was sure of the place.
+
+    heard: how many of them were news. failed: how many of these the map did not explain at the best
+    hypothesis.
+    """
+
+    heard: float = 0.0
+    failed: float = 0.0
+
+    def with_reading(self, novelty: float, explained: float) -> "Record":
+        """With one more; NaN explains nothing and fails in nothing."""
+        if math.isnan(explained):
+            return self
+        return Record(self.heard + novelty, self.failed + novelty * (1.0 - explained))
+
+    @property
+    def share_failed(self) -> float:
+        """Of the readings, 0 … 1; NaN before the first one."""
+        return self.failed / self.heard if self.heard > 0.0 else math.nan
+
+
+Records = dict[str, Record]
+"""By sensor: a laser's name, or that of a beacon."""
+
+
+def told(z: Measurement, records: Mapping[str, Record], alone: bool = True) -> Measurement:
+    """A measurement with what is known of the sensors that it comes from. alone: whether beacons
+    are all that the robot was heard to have.
+    """
+    if not isinstance(z, BeaconRanges):
+        return z
+    of = [records.get(one.source, Record()) for one in z.of_each()]
+    heard, failed = (np.array([getattr(r, name) for r in of]) for name in ("heard", "failed"))
+    shares = [record.share_failed for record in records.values() if record.heard > 0.0]
+    usual = float(np.median(shares)) if shares else 0.0
+    return replace(z, heard=heard, failed=failed, usual=usual, alone=alone)
+
+
+def noted(
+    records: Records, z: Measurement, novelty: float, update: Update, sensor: SensorModel
+) -> None:
+    """Take note of how the readings of an update fitted; the beacons are judged one by one.
+
+    A filter that may be in several places knows nothing of how its sensors do.
+    """
+    if not update.hypotheses or update.hypotheses[0].share < SURE:
+        return
+    found = {z.source: update.explained}
+    if isinstance(z, BeaconRanges):
+        best = np.ascontiguousarray(update.hypotheses[0].mean[:, None])
+        found = {one.source: float(sensor.explained(best, one)[0]) for one in z.of_each()}
+    for name, explained in found.items():
+        records[name] = records.get(name, Record()).with_reading(novelty, explained)
