@@ -96,6 +96,8 @@ def test_ctrl_c_leaves_what_was_made_and_resume_goes_on(
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # Where the tests run in the background, Ctrl-C is ignored, and by what they start, too.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     until = time.monotonic() + 240.0
     while time.monotonic() < until:

@@ -72,8 +72,6 @@ the tile with most of the belief. The paper tells no more than that; so the rest
 - A measurement that none of a set's particles explains leaves their weights as they are. A node
   that the path has not come to for more than {FORGOTTEN} iterations is made anew, of random
   particles.
-- Random particles of a node come from its region and what is near it, where the paper says the
-  entire domain.
 - *zones*: particles only say in which half they are.
 - A node that the path comes back to has what it had when it was left, moved by the steps since; a
   new one random particles. Nothing is taken over from the node above, as `mcloc run` has it.
