@@ -197,9 +197,10 @@ def main() -> None:
     lines = [
         f"# Radio beacons\n\nMeasured with mcloc {__version__}, default configuration, by\n",
         "    MCLOC_DATA=… python benchmarks/malaga_beacons.py\n",
-        "on malaga: a laser, and ranges to three beacons, of which the first is bad. Beside a laser,\n"
-        "a beacon of which nothing is known is believed half; and a beacon is judged by the median of\n"
-        "all sensors. Both were chosen on this log, with other seeds: there is no other one.\n",
+        "on malaga: a laser, and ranges to three beacons, of which the first is bad. Beside a\n"
+        "laser, one of which nothing is known is believed half; and beacons are judged by the\n"
+        "median of all sensors. Both were chosen on this log, with other seeds: there is no other\n"
+        "one.\n",
         *tracking(done),
         *anywhere(done),
     ]
