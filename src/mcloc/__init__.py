@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from mcloc.estimate import Hypothesis
     from mcloc.evaluation import Accuracy, evaluate
-    from mcloc.events import Odometry, Scan
+    from mcloc.events import BeaconRanges, Image, Odometry, Scan, Sightings
     from mcloc.filters.catalog import Composition
     from mcloc.io.bag_map import read_map
     from mcloc.io.bag_truth import read_truth
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from mcloc.io.tum import read_trajectory, write_tum
     from mcloc.localizer import Estimate, Localizer, UpdatePolicy
     from mcloc.localizer.state import restore, save
+    from mcloc.maps.beacons import Beacons
+    from mcloc.maps.landmarks import Landmarks
+    from mcloc.maps.mosaic import Mosaic
     from mcloc.maps.occupancy import OccupancyGrid
     from mcloc.report import Run
     from mcloc.trajectory import Trajectory
@@ -35,20 +38,26 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Accuracy",
+    "BeaconRanges",
+    "Beacons",
     "Composition",
     "ConfigError",
     "Estimate",
     "FilterError",
     "Hypothesis",
+    "Image",
+    "Landmarks",
     "Localizer",
     "LogError",
     "MapError",
     "McLocError",
+    "Mosaic",
     "OccupancyGrid",
     "Odometry",
     "Run",
     "RunConfig",
     "Scan",
+    "Sightings",
     "StateError",
     "Trajectory",
     "TruthError",
@@ -77,7 +86,7 @@ _ROOMS = {
     ),
     "mcloc.estimate": ("Hypothesis",),
     "mcloc.evaluation": ("Accuracy", "evaluate"),
-    "mcloc.events": ("Odometry", "Scan"),
+    "mcloc.events": ("BeaconRanges", "Image", "Odometry", "Scan", "Sightings"),
     "mcloc.filters.catalog": ("Composition",),
     "mcloc.io.bag_map": ("read_map",),
     "mcloc.io.bag_truth": ("read_truth",),
@@ -85,6 +94,9 @@ _ROOMS = {
     "mcloc.io.tum": ("read_trajectory", "write_tum"),
     "mcloc.localizer": ("Estimate", "Localizer", "UpdatePolicy"),
     "mcloc.localizer.state": ("restore", "save"),
+    "mcloc.maps.beacons": ("Beacons",),
+    "mcloc.maps.landmarks": ("Landmarks",),
+    "mcloc.maps.mosaic": ("Mosaic",),
     "mcloc.maps.occupancy": ("OccupancyGrid",),
     "mcloc.report": ("Run",),
     "mcloc.trajectory": ("Trajectory",),
