@@ -72,8 +72,9 @@ papers. The mosaic is exact; the papers' was stitched from images.
   drive.
 - Predictions and rules were written before the study was run. One drive of 60 m had been seen on
   the grid, of 200 m with MCL, and two robots that start anywhere. On a machine that takes 3.3 µs
-  for a pose, as E5's does for a beam, that grid lost the robot for some seconds only. When the study's file was ready, the grid was
-  looked at once more, on the short drive of one seed; nothing was changed after that.
+  for a pose, as E5's does for a beam, that grid lost the robot for some seconds only. When this
+  file was ready the grid was looked at once more, on the short drive of one seed; nothing was
+  changed after that.
 """
 
 
