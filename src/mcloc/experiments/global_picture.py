@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 MOST_DRAWN = 3000  # particles
 MOST_TOLD = 3  # places
+KINDS = ("C5", "C6", "C7", "C8", "C9", "k")  # colours; those of places are C0 to C4
 MARGIN = 1.0  # m of map around the free floor
 
 
@@ -47,8 +48,8 @@ def draw(table: Table, figure: "Figure") -> None:
             axes = figure.add_subplot(cells[0, 2 * stage : 2 * stage + 2])
             _draw_belief(axes, driven.grid, particles, truth)
             when = f"after {LOOKS[k]:g} m" if k else f"{setting['place']}, {setting['sensor']}"
-            shares = [place.share for place in places(found)]
-            axes.set_title(f"{when}: {_told(shares)}", fontsize="medium")
+            said = _told([place.share for place in places(found)])
+            axes.set_title(f"{when}\n{said if k else f'at first: {said}'}", fontsize="medium")
     number, belief, often = (figure.add_subplot(cells[1, 2 * k : 2 * k + 2]) for k in range(3))
     _draw_way(number, belief, table)
     _draw_often(often, table)
@@ -80,7 +81,7 @@ def _told(shares: list[float]) -> str:
         return "no place"
     largest = ", ".join(f"{100.0 * part:.0f}" for part in shares[:MOST_TOLD])
     more = ", …" if len(shares) > MOST_TOLD else ""
-    return f"{len(shares)} place{'s' * (len(shares) > 1)}, {largest}{more} %"
+    return f"{len(shares)} place{'s' * (len(shares) > 1)}: {largest}{more} %"
 
 
 def _draw_belief(axes: "Axes", grid: OccupancyGrid, particles: Particles, truth: Pose) -> None:
@@ -128,12 +129,12 @@ def _draw_often(axes: "Axes", table: Table) -> None:
         kind, figure = ", ".join(changes(setting)), share(rows, "found_3")
         k, n = kinds.index(kind), names.index(str(setting["place"]))
         height = n + 0.14 * (k - (len(kinds) - 1) / 2)
-        axes.plot([figure.low, figure.high], [height] * 2, color=f"C{k}", lw=1.2)
-        axes.plot(figure.value, height, "o", color=f"C{k}", ms=4)
+        axes.plot([figure.low, figure.high], [height] * 2, color=KINDS[k], lw=1.2)
+        axes.plot(figure.value, height, "o", color=KINDS[k], ms=4)
     for k, kind in enumerate(kinds):
-        axes.plot([], [], "o-", color=f"C{k}", ms=4, lw=1.2, label=kind or AS_IN_PAPER)
+        axes.plot([], [], "o-", color=KINDS[k], ms=4, lw=1.2, label=kind or AS_IN_PAPER)
     axes.axvline(OFTEN, color=LOST, lw=0.8, ls="--")
     axes.set_yticks(range(len(names)), [name.replace(" ", "\n") for name in names])
     axes.set(xlim=(0.0, 1.0), ylim=(len(names) - 0.5, -0.5), xlabel="share of the runs")
-    axes.set_title("True place found after 3 m (95 %)")
+    axes.set_title("Found after 3 m (95 %)")
     axes.grid(axis="x", alpha=0.3)

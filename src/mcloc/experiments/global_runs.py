@@ -1,5 +1,6 @@
 """What E3 changes, where its robots start, and what they believe on the way."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, lru_cache
@@ -106,7 +107,7 @@ def _simulated(place: str, sensor: str, seed: int) -> Drive:
 def _derived(place: str) -> Drive:
     driven = recorded(place)
     ring = DerivedSonar(SONARS, RING.cone, REACH)
-    return Drive(driven.grid, tuple(ring.instead(iter(driven.events), {})), driven.truth)
+    return Drive(driven.grid, tuple(ring.instead(iter(driven.events), Counter())), driven.truth)
 
 
 def travelled(driven: Drive) -> NDArray[np.float64]:
