@@ -131,7 +131,7 @@ def test_config_is_complete(tracked: Path) -> None:
     assert config["size"] == "kld"
     assert set(config["settings"]) == {
         *("filter", "motion", "sensor", "environment"),
-        *("size", "recovery", "sampler", "sightings", "update"),
+        *("size", "recovery", "sampler", "sightings", "ranging", "camera", "update"),
     }
     assert "sigma_hit" in config["settings"]["sensor"]
     assert "distance" in config["settings"]["update"]

@@ -116,7 +116,7 @@ WRONG: dict[str, tuple[Wrong, str]] = {
     "seed negative": (flags("--seed", -1), "seed"),
     "filter unknown": (flags("--filter", "mlc"), "did you mean 'mcl'"),
     "motion unknown": (flags("--motion", "odomtry"), "did you mean 'odometry'"),
-    "sensor unknown": (flags("--sensor", "sonar"), "likelihood-field"),
+    "sensor unknown": (flags("--sensor", "laser"), "likelihood-field"),
     "size unknown": (flags("--size", "kdl"), "did you mean 'kld'"),
     "size unknown, particles": (flags("--size", "kdl", "--particles", 9), "did you mean 'kld'"),
     "recovery unknown": (flags("--recovery", "ranom"), "did you mean 'random'"),

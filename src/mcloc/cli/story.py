@@ -34,7 +34,7 @@ def _lines(summary: dict[str, Any], out: Path, pictures: Iterable[Path]) -> Iter
     if summary["withheld"]:
         share = _percent(summary["withheld"])
         yield f"withheld   the estimate at {share} % of the scans; errors are those of the others"
-    for name, beacon in (summary["beacons"] or {}).items():
+    for name, beacon in summary.get("beacons", {}).items():
         fits, trust = _percent(beacon["explained"]), _number(beacon["trust"], ".2f")
         yield f"beacon     {name}: {fits} % of its ranges fit, each counts {trust}"
     if summary["accuracy"] is not None:

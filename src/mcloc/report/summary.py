@@ -61,9 +61,11 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "ignored": dict(sorted(run.ignored.items())),
         "final": {**_pose(final[0].mean if final else nowhere), "hypotheses": found},
         "withheld": history.share_withheld,
-        "beacons": found_out(run),
         "accuracy": None if accuracy is None else accuracy.to_dict(),
     }
+    beacons = found_out(run)
+    if beacons is not None:
+        summary["beacons"] = beacons
     return {key: _known(value) for key, value in summary.items()}
 
 
