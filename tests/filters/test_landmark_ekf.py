@@ -121,7 +121,7 @@ def test_the_filter_tracks_a_robot_that_turns_between_landmarks():
         z = replace(
             z,
             range=z.range + np.hypot(0.05, 0.1 * z.range) * rng.standard_normal(2),
-            bearing=z.bearing + 0.05 * rng.standard_normal(2),
+            bearing=z.bearing + 0.02 * rng.standard_normal(2),
         )
         bel, info = kalman.step(bel, u, z, Draws(1, step))
         off = bel.mean - pose

@@ -230,7 +230,7 @@ def test_an_empty_sighting_says_nothing():
 def test_what_is_explained():
     z = expected(POSE, [0, 2])
     sigma = np.hypot(0.05, 0.1 * z.range)
-    off = np.array([0.14, 2.0 * np.pi - 0.16])
+    off = 0.02 * np.array([2.9, -3.1]) + [0.0, 2.0 * np.pi]
     z = seen([0, 2], z.range + sigma * [2.9, 3.1], z.bearing + off)
     assert SHARP.explained(POSE, z) == pytest.approx(0.5)
     turned = POSE + np.array([[0.0], [0.0], [0.5]])

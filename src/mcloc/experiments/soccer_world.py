@@ -30,15 +30,16 @@ LEVELS = 9  # down to 0.68 m × 0.45 m × 45°
 HALF = np.array([FOUR_LEGGED.half_length, FOUR_LEGGED.half_width, np.pi])
 POWER = 0.3  # of the likelihood, in virtual low-resolution sensors
 PARTICLES = 100  # of each node
+BEARING = 0.05  # rad, as the camera errs
 
 WORLD = f"""
 A four-legged robot walks from one random place to the next on a field of 5.4 m × 3.6 m, and every
 {INTERVAL:g} s sees the beacons and goals that are in view of its turning head, each with a range
-(10 % off) and a bearing (0.05 rad). There is no odometry: the motion model is the paper's, anywhere
-that {SPEED:g} m/s and {TURN:g} rad/s lead to, over poses with heading. The tree has {LEVELS} levels
-of nodes with {PARTICLES} particles each. Virtual low-resolution sensors are the likelihood to the
-power of {POWER:g}; it is positive everywhere as it is, since any range or bearing may be an
-outlier.
+(10 % off) and a bearing ({BEARING:g} rad). There is no odometry: the motion model is the paper's,
+anywhere that {SPEED:g} m/s and {TURN:g} rad/s lead to, over poses with heading. The tree has
+{LEVELS} levels of nodes with {PARTICLES} particles each. Virtual low-resolution sensors are the
+likelihood to the power of {POWER:g}; it is positive everywhere as it is, since any range or bearing
+may be an outlier.
 """
 
 
@@ -50,7 +51,7 @@ def soccer_filter(techniques: Techniques) -> HierarchicalMCL:
     far, turn = motion.reach(INTERVAL)
     return HierarchicalMCL(
         motion,
-        LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places)),
+        LandmarkModel(Landmarks.numbered(FOUR_LEGGED.places), sigma_bearing=BEARING),
         domain,
         FullStates(domain, np.array([far, far, turn])),
         Equal(particles=PARTICLES),

@@ -48,6 +48,9 @@ class LandmarkModel(Configurable):
     Where the landmark of any sighting is not known, misses say nothing. Raises ConfigError for a
     landmark that is not in the map; where states have no heading, for a bearing, and for a sensor
     that is not in the robot's middle.
+
+    By default it is a camera, which tells directions to a degree, and ranges by how large things
+    look, with errors that repeat themselves.
     """
 
     landmarks: Landmarks
@@ -55,7 +58,7 @@ class LandmarkModel(Configurable):
     sigma_relative: float = param(
         0.1, "m/m", "deviation per distance, in quadrature", low=0, high=10
     )
-    sigma_bearing: float = param(0.05, "rad", "deviation of a bearing", above=0, high=2)
+    sigma_bearing: float = param(0.02, "rad", "deviation of a bearing", above=0, high=2)
     range_max: float = param(8.0, "m", "longest range that is measured", above=0, high=1e5)
     p_outlier: float = param(
         0.01, "", "ε: chance that a range or a bearing is anything", above=0, high=1
