@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mcloc.errors import ConfigError
 from mcloc.geometry import Pose
 
+BEACON = "beacon "  # and its number: the source of the readings of one
 UNKNOWN = -1  # landmark: one of them, or none of them, and nobody knows which
 
 
@@ -165,7 +166,7 @@ class BeaconRanges:
                 self,
                 beacon=self.beacon[one],
                 range=self.range[one],
-                source=f"beacon {beacon}",
+                source=f"{BEACON}{beacon}",
                 heard=self.heard[one],
                 failed=self.failed[one],
             )

@@ -384,15 +384,16 @@ def test_sightings_give_a_number_whatever_the_chunk_or_order(name, seen, x):
 @names("sightings")
 @pytest.mark.parametrize("seen", SEEN.values(), ids=SEEN)
 def test_poses_from_sightings_have_their_density(name, seen):
-    """By importance sampling from U, which is spread over the floor evenly: the density sums to 1
-    within 4.5 standard errors, and so does each third of it along x and along θ.
-    """
-    model, environment = (
-        build("sightings", name),
-        FreeSpace(open_floor(landmarks().places, 8.0, "")),
-    )
+    model, floor = build("sightings", name), FreeSpace(open_floor(landmarks().places, 8.0, ""))
     z = Sightings(0.0, *seen, mount=np.array([0.2, 0.0, 0.1]))
-    q = AIDS[Landmarks].sampler(model, environment).given(z, Draws(0))
+    assert_its_density(AIDS[Landmarks].sampler(model, floor).given(z, Draws(0)), floor)
+
+
+def assert_its_density(q, environment):
+    """What is drawn from q has its density: by importance sampling from U, which is spread over the
+    floor evenly, it sums to 1 within 4.5 standard errors, and so does each third of it along x and
+    along θ.
+    """
     n = 50_000
     drawn, even = q.sample(Draws(1, 1), 0, n), environment.sample(Draws(2, 1), 0, 4 * n)
     w = np.exp(q.log_density(even) - environment.log_density(even))
@@ -407,6 +408,33 @@ def test_poses_from_sightings_have_their_density(name, seen):
             assert abs(within.mean() - found) < 4.5 * error
     assert np.isfinite(q.log_density(drawn)).all()
     assert (q.log_density(even) > -np.inf).all()
+
+
+def measured_of():
+    """{aid: it, and what a sensor measures of it}: an aid of the catalog without one fails."""
+    here = np.array([[1.0, 3.0, 0.3]]).T
+    places = beacons().places
+    ranges = np.hypot(np.hypot(*(places[:, :2].T - here[:2])), places[:, 2])
+    pixels = mosaic().at(np.random.default_rng(6).uniform(2.0, 4.0, (2, 400))).reshape(20, 20)
+    return {
+        Landmarks: (landmarks(), Sightings(0.0, [0, -1], [2.0, 1.0], [0.3, np.nan])),
+        Beacons: (beacons(), BeaconRanges(0.0, np.arange(3), ranges)),
+        Mosaic: (mosaic(), Image(0.0, np.nan_to_num(pixels, nan=0.5))),
+    }
+
+
+@pytest.mark.parametrize(
+    ("aid", "name"), [(aid, name) for aid in AIDS for name in CHOICES[AIDS[aid].kind]]
+)
+def test_poses_from_any_aid_have_their_density(aid, name):
+    """On a floor without walls, where those that are drawn may stand."""
+    there, z = measured_of()[aid]
+    floor = FreeSpace(open_room())
+    q = AIDS[aid].sampler(CHOICES[AIDS[aid].kind].make(name, there), floor).given(z, Draws(0))
+    assert_its_density(q, floor)
+    drawn = q.sample(Draws(1, 1), 0, 200)
+    parts = [q.sample(Draws(1, 1), a, b - a) for a, b in ((0, 1), (1, 77), (77, 200))]
+    assert np.array_equal(drawn, np.concatenate(parts, axis=1))
 
 
 # Ranges to beacons

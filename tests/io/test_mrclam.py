@@ -99,6 +99,27 @@ def test_stamps_that_repeat_or_go_back_do_no_harm(folder: Path) -> None:
     assert log.skipped["stamp not finite"] == log.skipped["odometry not finite"] == 1
 
 
+def test_a_single_wrong_stamp_holds_up_nothing(folder: Path) -> None:
+    """Neither wheels nor sightings; a pause, after which all stamps are later, is none."""
+    odometry, measured = folder / "Robot2_Odometry.dat", folder / "Robot2_Measurement.dat"
+    odometry.write_text("10 1 0\n11 1 0\n900012 1 0\n13 1 0\n14 0 0\n100 1 0\n101 0 0\n")
+    measured.write_text("10.5 63 3 0\n900011 63 3 0\n12 63 3 0\n90 63 3 0\n95 81 3 0\n")
+    log = read_log(folder, robot=2)
+    events = list(log)
+    assert [e.t for e in events if isinstance(e, Sightings)] == [10.5, 12.0, 90.0, 95.0]
+    at = {e.t: e.pose[0] for e in events if isinstance(e, Odometry)}
+    assert at == {10.0: 0.0, 11.0: 1.0, 13.0: 3.0, 14.0: 4.0, 100.0: 4.0, 101.0: 5.0}
+    assert log.skipped["odometry stamp from the future"] == 1
+    assert log.skipped["sighting stamp from the future"] == 1
+
+
+def test_nobody_drives_to_a_stamp_that_is_far_off(folder: Path) -> None:
+    """The last one, which nothing contradicts: a velocity holds for 10 s at most."""
+    (folder / "Robot2_Odometry.dat").write_text("10 1 0\n11 1 0\n900012 1 0\n")
+    last = [e for e in read_log(folder, robot=2) if isinstance(e, Odometry)][-1]
+    assert last.pose[0] == 11.0
+
+
 def test_it_is_told_by_its_barcodes(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     assert is_mrclam(folder)
     assert robots_in(folder) == [2, 5]
@@ -124,6 +145,7 @@ WRONG: dict[str, tuple[str, str, type[McLocError], str]] = {
     "measurement cut": ("Robot2_Measurement.dat", "10 63 1\n", LogError, "line 1: 4 numbers"),
     "measurement empty": ("Robot2_Measurement.dat", "# nothing\n", LogError, "holds no"),
     "barcodes cut": ("Barcodes.dat", "1 5\n6\n", LogError, r"Barcodes\.dat, line 2: 2 numbers"),
+    "barcode twice": ("Barcodes.dat", "1 5\n6 63\n7 63\n", LogError, "line 3: barcode 63"),
     "landmarks cut": ("Landmark_Groundtruth.dat", "6 0.5 1\n", MapError, "line 1: 5 numbers"),
     "landmarks empty": ("Landmark_Groundtruth.dat", "#\n", MapError, "no landmark"),
     "landmark twice": ("Landmark_Groundtruth.dat", "6 1 1 0 0\n6 2 2 0 0\n", MapError, "twice"),

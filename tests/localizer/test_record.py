@@ -46,10 +46,46 @@ def test_each_beacon_is_judged_by_itself_and_by_its_news():
     z = told(ranges_from(pose), {**records, "laser": Record(10.0, 1.0)})
     assert z.heard.tolist() == [0.4, 0.4, 0.0]
     assert z.failed.tolist() == [0.0, 0.4, 0.0]
-    assert z.usual == 0.1  # the median of 0, 1 and 0.1
+    assert z.usual == 0.1  # the laser's
+    assert told(z, {**records, "beacon 2": Record(1.0, 0.25)}).usual == 0.25  # beacons alone
     assert z.alone
     assert told(z, {}, alone=False).usual == 0.0
     assert not told(z, {}, alone=False).alone
+
+
+def test_beacons_that_all_fail_do_not_excuse_each_other():
+    """They were surveyed in another frame, say; a laser that fits tells so."""
+    bad = {f"beacon {k}": Record(40.0, 36.0) for k in range(3)}
+    sensor, z = BeaconModel(BEACONS), ranges_from([1.0, 1.0, 0.0])
+    beside = told(z, {**bad, "laser": Record(40.0, 4.0)}, alone=False)
+    assert sensor.trust(beside) == pytest.approx(np.full(3, 5.0 / 38.0))
+    assert sensor.trust(told(z, bad)) == pytest.approx(np.ones(3))  # nobody knows better
+
+
+def test_a_robot_that_stands_still_hears_each_beacon_once(world):
+    """The first ranges are taken together; the same again are no news of any of them."""
+    pose = np.array([1.0, 1.0, 0.0])
+    at = np.zeros(3)
+    localizer = Localizer(world.grid, aids=[BEACONS], seed=1, initial=pose)
+    for t in (1.0, 2.0, 3.0):
+        localizer.process(ranges_from(pose, t, odometry=at))
+    localizer.finish()
+    assert {name: record.heard for name, record in localizer.record.items()} == {
+        f"beacon {k}": 1.0 for k in range(3)
+    }
+
+
+def test_what_cannot_be_used_is_counted(world):
+    pose = np.array([1.0, 1.0, 0.0])
+    localizer = Localizer(world.grid, aids=[BEACONS], seed=1, initial=pose)
+    localizer.process(ranges_from(pose, 1.0, odometry=np.zeros(3)))
+    far = ranges_from(pose, 2.0, off=(-100.0, 3000.0, 0.0), odometry=np.array([1.0, 0.0, 0.0]))
+    localizer.process(far)
+    localizer.finish()
+    assert localizer.ignored == {
+        "beacon reading without a range": 1,
+        "beacon reading that tells nothing": 1,
+    }
 
 
 def test_nothing_is_learnt_where_the_filter_is_not_sure(world):

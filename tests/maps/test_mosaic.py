@@ -7,9 +7,11 @@ from PIL import Image as Pillow
 from scipy.ndimage import map_coordinates
 
 from mcloc.errors import MapError
+from mcloc.filters.catalog import Composition
 from mcloc.geometry import between, compose
 from mcloc.kernels import jit
 from mcloc.maps.mosaic import Mosaic
+from mcloc.maps.occupancy import FREE, OccupancyGrid
 
 ORIGIN = np.array([-3.0, 2.0, 0.7])
 
@@ -189,3 +191,29 @@ def test_an_image_alone_is_refused_and_so_is_a_name_without_yaml(tmp_path):
         mosaic().save(tmp_path / "c.png")
     with pytest.raises(MapError, match="cannot be written"):
         mosaic().save(tmp_path / "nowhere" / "c.yaml")
+
+
+def test_pixels_of_32_bits_are_read_where_white_is_1_and_refused_elsewhere(tmp_path):
+    levels = np.tile(np.linspace(0.0, 1.0, 8, dtype=np.float32), (8, 1))
+    Pillow.fromarray(levels).save(tmp_path / "f.tif")
+    read = Mosaic.load(tmp_path / "f.tif", 0.1, [0, 0, 0]).image
+    assert read == pytest.approx(levels)
+    Pillow.fromarray(255.0 * levels).save(tmp_path / "f.tif")
+    with pytest.raises(MapError, match="not 0 to 1"):
+        Mosaic.load(tmp_path / "f.tif", 0.1, [0, 0, 0])
+    Pillow.fromarray((255 * levels).astype(np.int32)).save(tmp_path / "i.tif")
+    with pytest.raises(MapError, match="8 or 16"):
+        Mosaic.load(tmp_path / "i.tif", 0.1, [0, 0, 0])
+    Pillow.fromarray((65535 * levels).astype(np.uint16)).save(tmp_path / "i.png")
+    assert Mosaic.load(tmp_path / "i.png", 0.1, [0, 0, 0]).image == pytest.approx(levels, abs=1e-4)
+
+
+def test_a_mosaic_that_lies_above_no_floor_is_refused():
+    grid = OccupancyGrid(np.full((40, 50), FREE, dtype=np.int8), 0.1, np.array([1.0, 2.0, 0.3]))
+    image = np.random.default_rng(0).random((60, 60))
+    near, far = (Mosaic(image, 0.05, np.array([x, 2.0, 0.3]), name="sky") for x in (3.0, 500.0))
+    assert near.covers(grid)
+    assert not far.covers(grid)
+    Composition(camera="ceiling-brightness").build(grid, near)
+    with pytest.raises(MapError, match="sky: the mosaic lies above no free cell"):
+        Composition(camera="ceiling-brightness").build(grid, far)

@@ -141,9 +141,20 @@ def test_a_mosaic_over_no_floor_leaves_the_uniform_density():
     assert q.log_density(x) == pytest.approx(places.log_density(x))
 
 
-def test_an_image_smaller_than_the_reach_leaves_the_uniform_density():
+def test_an_image_smaller_than_the_reach_is_compared_by_its_brightness_alone():
+    """Its density is that of the formula without gradients: alike for all headings, and for places
+    by how bright they are.
+    """
     places = FreeSpace(grid())
     model = CAMERAS.make("ceiling-brightness", mosaic())
-    q = CeilingIndex(model, places).given(Image(0.0, np.full((5, 5), 0.5)), Draws(1))
-    x = places.sample(Draws(1), 0, 50)
-    assert q.log_density(x) == pytest.approx(places.log_density(x))
+    index = CeilingIndex(model, places)
+    q = index.given(Image(0.0, np.full((5, 5), 0.3)), Draws(1))
+    x = places.sample(Draws(1), 0, 2000)
+    x = np.ascontiguousarray(x[:, np.isfinite(mosaic().at(x))])
+    turned = x + np.array([[0.0], [0.0], [1.0]])
+    assert q.log_density(turned) == pytest.approx(q.log_density(x))
+    off = np.abs(mosaic().averaged(index.radius).at(x) - 0.3)
+    density = np.exp(q.log_density(x))
+    near, far = (density[off <= np.quantile(off, 0.2)], density[off >= np.quantile(off, 0.8)])
+    assert np.quantile(off, 0.8) > 0.1  # or the comparison says nothing
+    assert near.mean() > 1.4 * far.mean()  # some exp(-½ (0.16 / 0.12)²), and the floor

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mcloc.errors import ConfigError, McLocError
+from mcloc.errors import ConfigError, LogError, McLocError
 
 if TYPE_CHECKING:
     from mcloc.config import RunConfig
@@ -111,6 +111,8 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
         raise ConfigError("which log? Give --log FILE, or --config with one in it")
     mapped = "map" in entries or "map" in entries.get("topics", {})
     if not mapped and not is_mrclam(entries["log"]):
+        if not Path(entries["log"]).exists():
+            raise LogError(f"{entries['log']}: there is no such file or folder")
         raise ConfigError(
             "which map? Give --map FILE, or --topic map=NAME for that of a bag, or --config with "
             "one in it"

@@ -23,6 +23,7 @@ from mcloc.events import Scan
 from mcloc.experiments.table import Record, Setting, Value
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
+from mcloc.io.mrclam import Mrclam, is_mrclam
 from mcloc.io.tum import read_trajectory
 from mcloc.registry import suggest
 from mcloc.report import Run
@@ -137,13 +138,15 @@ def covered_truth(config: RunConfig) -> Trajectory:
         truth = _read(config.log, config.topic("truth"))
     elif config.truth is not None:
         truth = _read(config.truth, None)
+    elif is_mrclam(config.log) and (told := Mrclam(config.log, config.robot).truth) is not None:
+        truth = told
     else:
         raise ConfigError("which truth? A sweep compares with one: give --truth FILE")
     topics = tuple(
         (role, (names,) if isinstance(names, str) else tuple(names))
         for role, names in config.sensor_topics.items()
     )
-    first, last = _scans(config.log, config.mount, topics)
+    first, last = _span(config.log, config.mount, topics, config.robot)
     begin = first if config.start is None else max(first, config.start)
     end = last if config.end is None else min(last, config.end)
     used = (truth.t >= begin - BEFORE) & (truth.t <= end + BEFORE)
@@ -156,10 +159,11 @@ def covered_truth(config: RunConfig) -> Trajectory:
 
 
 @lru_cache(maxsize=4)
-def _scans(log: str, mount: Any, topics: Any) -> tuple[float, float]:
-    """Stamps of the first and the last scan of a log."""
+def _span(log: str, mount: Any, topics: Any, robot: int | None) -> tuple[float, float]:
+    """Stamps of the first and the last scan of a log, of one without scans of any event."""
     named = {role: names[0] if len(names) == 1 else list(names) for role, names in topics}
-    stamps = [event.t for event in read_log(log, mount, named) if isinstance(event, Scan)]
+    events = [(isinstance(e, Scan), e.t) for e in read_log(log, mount, named, robot)]
+    stamps = [t for scan, t in events if scan] or [t for _, t in events]
     return min(stamps), max(stamps)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, cast
 
 from mcloc.environment import ENVIRONMENTS
-from mcloc.errors import ConfigError
+from mcloc.errors import ConfigError, MapError
 from mcloc.events import BeaconRanges, Image, Measurement, Scan, Sightings
 from mcloc.filters.filter import Filter
 from mcloc.filters.grid_proposal import GridProposal
@@ -225,6 +225,12 @@ class Composition:
         """The model of scans; with aids, one of all that the place has something for."""
         if not aids:
             return cast(SensorModel, self._part("sensor", grid))
+        for aid in aids:
+            if isinstance(aid, Mosaic) and not aid.covers(grid):
+                raise MapError(
+                    f"{aid.name}: the mosaic lies above no free cell of {grid.name}; both are in "
+                    "the map frame: set its resolution and origin"
+                )
         models = {AIDS[type(aid)].measures: self._part(AIDS[type(aid)].kind, aid) for aid in aids}
         if grid.occupied.any():
             models[Scan] = self._part("sensor", grid)

@@ -93,6 +93,8 @@ def read_beacon_ranges(path: str | Path, beacons: Beacons) -> BeaconLog:
     for line, row in text.records(NEEDED):
         if "scan_index" not in row and "t" not in row:
             raise text.fault(line, "when was it? The header must name scan_index, or t in s")
+        if "scan_index" in row and "t" in row:
+            raise text.fault(line, "the header names scan_index and t: leave one of them out")
         by_scan = "scan_index" in row
         moment = _scan(text, line, row) if by_scan else text.number(line, "t", row["t"])
         antenna, r = _antenna(text, line, row), _range(text, line, row["range_m"])

@@ -125,8 +125,8 @@ class _FileLog:
             yield event
         if not useful:
             raise LogError(
-                f"{self.path}: holds no scan with a return to localize with"
-                f" (skipped: {dict(skipped) or 'nothing'})"
+                f"{self.path}: holds no scan with a return to localize with, and nothing else that "
+                f"was measured and is to be used (skipped: {dict(skipped) or 'nothing'})"
             )
 
 

@@ -8,8 +8,8 @@ IJRR 2011].
     RobotN_Measurement.dat    t barcode range bearing
     RobotN_Groundtruth.dat    t x y θ
 
-Metres, radians, seconds; `#` begins a comment. A velocity holds until the next one: in between the
-robot drives an arc. The first odometry pose is 0, 0, 0.
+Metres, radians, seconds; `#` begins a comment. A velocity holds until the next one, but not for
+more than LEAP: in between the robot drives an arc. The first odometry pose is 0, 0, 0.
 """
 
 import heapq
@@ -33,6 +33,7 @@ from mcloc.textfile import TextFile
 from mcloc.trajectory import Trajectory
 
 BARCODES, LANDMARKS = "Barcodes.dat", "Landmark_Groundtruth.dat"
+LEAP = 10.0  # s
 ROBOTS = 5  # subjects 1 … 5 are robots, in all of these folders
 _NAME = re.compile(r"Robot(\d+)_Odometry\.dat")
 
@@ -112,18 +113,20 @@ class Mrclam:
         sightings of other robots and of unknown barcodes.
         """
         sightings = self._sightings(mount, skipped)
-        return heapq.merge(self._odometry(), sightings, key=lambda event: event.t)
+        return heapq.merge(self._odometry(skipped), sightings, key=lambda event: event.t)
 
-    def _odometry(self) -> Iterator[Odometry]:
+    def _odometry(self, skipped: Skipped) -> Iterator[Odometry]:
         """One event for each stamp; of velocities with one stamp the last one holds."""
         pose = x, y, theta = 0.0, 0.0, 0.0
         before, v, omega = math.nan, 0.0, 0.0
-        for _, (t, *velocity) in self._rows(f"Robot{self.robot}_Odometry.dat", "t v ω", LogError):
+        rows = self._rows(f"Robot{self.robot}_Odometry.dat", "t v ω", LogError)
+        for _, (t, *velocity) in _in_time(rows, "odometry", skipped):
             if not all(map(math.isfinite, (t, *velocity))):
                 yield Odometry(t, np.full(3, math.nan))
                 continue
             if t > before:  # not at the first one, where it is NaN
-                length, turn = v * (t - before), omega * (t - before)
+                held = min(t - before, LEAP)
+                length, turn = v * held, omega * held
                 chord = length * (math.sin(0.5 * turn) / (0.5 * turn) if turn else 1.0)
                 x += chord * math.cos(theta + 0.5 * turn)
                 y += chord * math.sin(theta + 0.5 * turn)
@@ -137,7 +140,8 @@ class Mrclam:
     def _sightings(self, mount: Pose, skipped: Skipped) -> Iterator[Sightings]:
         """One event for each stamp at which a landmark was seen."""
         name, landmarks = f"Robot{self.robot}_Measurement.dat", self._landmark_of_barcode
-        rows = self._rows(name, "t barcode range bearing", LogError)
+        every = self._rows(name, "t barcode range bearing", LogError)
+        rows = _in_time(every, "sighting", skipped)
         for t, together in groupby(rows, key=lambda row: row[1][0]):
             seen = []
             for _, (_, barcode, r, bearing) in together:
@@ -155,7 +159,12 @@ class Mrclam:
         """{barcode: index of its landmark, or why it is none}."""
         index = {float(name): k for k, name in enumerate(self.landmarks.names)}
         found: dict[float, int | str] = {}
-        for _, (subject, barcode) in self._rows(BARCODES, "subject barcode", LogError):
+        text = self._text(BARCODES, LogError)
+        for number, (subject, barcode) in self._rows(BARCODES, "subject barcode", LogError):
+            if barcode in found:
+                raise text.fault(
+                    number, f"barcode {barcode:g} is that of two subjects; leave one of them out"
+                )
             robot = subject <= ROBOTS
             other = "another robot" if robot else "a landmark whose place is not known"
             found[barcode] = index.get(subject, f"sighting of {other}")
@@ -181,3 +190,20 @@ class Mrclam:
                 yield number, [float(field) for field in fields]
             except ValueError as cause:
                 raise text.fault(number, f"{columns} must be numbers ({cause})") from cause
+
+
+def _in_time(rows: Iterator[Row], what: str, skipped: Skipped) -> Iterator[Row]:
+    """The rows but for those whose stamp leaps ahead of the next one's: a single wrong one must not
+    hold up all that come after it.
+    """
+    before, held = -math.inf, None
+    for row in rows:
+        if held is not None:
+            if before <= row[1][0] < held[1][0] - LEAP:
+                skipped[f"{what} stamp from the future"] += 1
+            else:
+                yield held
+                before = held[1][0]
+        held = row
+    if held is not None:
+        yield held

@@ -31,6 +31,7 @@ from mcloc.protocols import Density
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 MOST_WAITING = 1000  # measurements without odometry
+NOTHING = 1e-6  # readings: a measurement that is worth no more tells nothing of the place
 LATENCY = 1.0  # s that a measurement of one sensor waits for those of another
 
 
@@ -137,6 +138,10 @@ class Localizer:
             self._queue(measurement)
         return self._release(final=True)
 
+    def wheels_reach(self, t: float) -> bool:
+        """Whether nothing more will be known of them at t."""
+        return self._odometry.reaches(t)
+
     def set_pose(self, pose: ArrayLike, covariance: ArrayLike) -> None:
         """Believe somebody who says where the robot will be at its next scan, which is then used.
 
@@ -214,7 +219,11 @@ class Localizer:
         """
         if not isinstance(z, BeaconRanges) or self.update is None:
             return [z]
-        return [one for one in z.of_each() if one.useful]
+        each = list(z.of_each())
+        useful: list[Measurement] = [one for one in each if one.useful]
+        if len(useful) < len(each):
+            self.ignored[z.empty] += len(each) - len(useful)
+        return useful
 
     def _ready(self, z: Measurement) -> bool:
         """Whether its odometry is known, and no other sensor may still bring something older."""
@@ -243,9 +252,13 @@ class Localizer:
             self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)
+            if self.filter.sensor.readings(z) <= NOTHING:
+                self.ignored[f"{z.called} that tells nothing"] += 1
             beams = self.filter.sensor.beams(z)
             self._busy_until = z.t + self.pace.seconds(self.update, beams)
-            self._used_at[z.source] = self._stepped_at = at
+            self._stepped_at = at
+            for source in _sources(z):
+                self._used_at[source] = at
             self._forced = False
             u = np.zeros(3)
         assert self.update is not None  # the first measurement after a start is always used
@@ -272,6 +285,12 @@ class Localizer:
         self.belief, self._warm = belief, True
         self.step += 1
         return Update(self.step - 1, info, belief.particles, found, explained, took)
+
+
+def _sources(z: Measurement) -> list[str]:
+    """Those of which a measurement is one: each beacon is a source of its own."""
+    each = [one.source for one in z.of_each()] if isinstance(z, BeaconRanges) else []
+    return [z.source, *each]
 
 
 def _broken(z: Measurement) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcloc.events import BeaconRanges, Measurement
+from mcloc.events import BEACON, BeaconRanges, Measurement
 from mcloc.localizer.estimate import Update
 from mcloc.protocols import SensorModel
 
@@ -48,9 +48,19 @@ def told(z: Measurement, records: Mapping[str, Record], alone: bool = True) -> M
         return z
     of = [records.get(one.source, Record()) for one in z.of_each()]
     heard, failed = (np.array([getattr(r, name) for r in of]) for name in ("heard", "failed"))
-    shares = [record.share_failed for record in records.values() if record.heard > 0.0]
-    usual = float(np.median(shares)) if shares else 0.0
+    usual = _usual(records)
     return replace(z, heard=heard, failed=failed, usual=usual, alone=alone)
+
+
+def _usual(records: Mapping[str, Record]) -> float:
+    """The share of readings that failed of a typical sensor, the median: of those that are no
+    beacons, if there are any. Beacons that were surveyed in another frame all fail, and must not
+    excuse each other.
+    """
+    heard = {name: record for name, record in records.items() if record.heard > 0.0}
+    others = [record for name, record in heard.items() if not name.startswith(BEACON)]
+    shares = [record.share_failed for record in others or heard.values()]
+    return float(np.median(shares)) if shares else 0.0
 
 
 def noted(

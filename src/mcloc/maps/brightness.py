@@ -12,13 +12,20 @@ LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)  # of red, green, blue:
 
 
 def brightness(image: "Image.Image") -> NDArray[np.float32]:
-    """(H, W): row 0 at the top; NaN where a pixel is transparent. Whatever decoders raise comes
-    through.
+    """(H, W): row 0 at the top; NaN where a pixel is transparent. Raises ValueError for pixels of
+    32 bits, of which nobody knows which one is white, but for numbers from 0 to 1; whatever
+    decoders raise comes through.
     """
-    if image.mode.startswith("I"):  # 16 bits
+    if image.mode.startswith("I;16") or (image.mode == "I" and image.format == "PNG"):
         return np.asarray(image).astype(np.float32) / np.float32(65535.0)
     if image.mode == "F":
-        return np.asarray(image).astype(np.float32)
+        told = np.asarray(image).astype(np.float32)
+        known = told[np.isfinite(told)]
+        if known.size and not (known.min() >= 0.0 and known.max() <= 1.0):
+            raise ValueError(f"numbers from {known.min():g} to {known.max():g}, not 0 to 1")
+        return told
+    if image.mode == "I":
+        raise ValueError("pixels of 32 bits; save it with 8 or 16")
     if image.mode in ("1", "L") and not image.has_transparency_data:
         return np.asarray(image.convert("L")).astype(np.float32) / np.float32(255.0)
     channels = np.asarray(image.convert("RGBA"))

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import fftconvolve
 
 from mcloc.errors import MapError
-from mcloc.geometry import Pose
+from mcloc.geometry import Pose, compose
 from mcloc.kernels.jit import share
 from mcloc.kernels.mosaic import look_up_brightness, match_patch
-from mcloc.maps.occupancy import FARTHEST, LARGEST_CELL, LEAST_CELL
+from mcloc.maps.occupancy import FARTHEST, FREE, LARGEST_CELL, LEAST_CELL, OccupancyGrid
 from mcloc.statespace import States
 
 _WORK = 30.0  # ns a place
@@ -96,6 +96,13 @@ class Mosaic:
         digest = hashlib.sha256(self.image.tobytes())
         digest.update(np.array([*self.image.shape, self.resolution, *self.origin]).tobytes())
         return digest.hexdigest()
+
+    def covers(self, grid: OccupancyGrid) -> bool:
+        """Whether its brightness is known anywhere above the free cells of a map."""
+        row, column = np.nonzero(grid.cells == FREE)
+        local = grid.resolution * np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], axis=-1)
+        places = np.ascontiguousarray(compose(grid.origin, local).T)
+        return bool(np.isfinite(self.at(places)).any())
 
     def at(self, places: States) -> Reals:
         """(n,): brightness above places (2, n) or poses (3, n), metres, map frame; NaN where it is

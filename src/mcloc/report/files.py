@@ -74,7 +74,7 @@ def write_run(run: Run, folder: Path, plot: bool = True) -> dict[str, Any]:
     else:
         (folder / "run.png").unlink(missing_ok=True)
     if useless is not None:
-        raise TruthError(f"{run.config.truth}: {useless}")
+        raise TruthError(f"{run.config.truth or run.config.log}: {useless}")
     return summary
 
 

@@ -76,7 +76,11 @@ class Run:
             self.consumed += 1
             self._last = event
             estimates = self._noted(self.localizer.process(event), began)
-            if self.landmarks is not None and isinstance(event, Odometry):
+            if (
+                self.landmarks is not None
+                and isinstance(event, Odometry)
+                and self.localizer.wheels_reach(event.t)
+            ):
                 self.history.carry(event)
             yield estimates
         yield self._noted(self.localizer.finish(), began)
@@ -154,8 +158,8 @@ class Run:
     def _between(self) -> str:
         """The part of the log that was asked for, in words."""
         start, end = self.config.start, self.config.end
-        after = "" if start is None else f" from start = {start:g} s on"
-        return after + ("" if end is None else f" up to end = {end:g} s")
+        after = "" if start is None else f" from start = {start:.3f} s on"
+        return after + ("" if end is None else f" up to end = {end:.3f} s")
 
 
 def fingerprint(event: Event) -> str:

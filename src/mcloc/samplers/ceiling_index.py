@@ -42,10 +42,11 @@ class CeilingIndex(Configurable):
 
     The mosaic is cut into squares of `spacing`; the index holds both for the middle of each in
     which a robot can be. An image is compared with all of them, for as many headings as there are
-    directions; q̄ is spread evenly over each square and over the angle between two headings. Where
-    the mosaic is unknown, a square counts like the average one. The directions see much of the
-    same: together they are worth `effective` of them. A share `floor` of q̄ is U, which bounds
-    importance weights wherever a robot can be; all of it is for images that say nothing.
+    directions, by the directions that it shows: a small one by its brightness alone. q̄ is spread
+    evenly over each square and over the angle between two headings. Where the mosaic is unknown, a
+    square counts like the average one. The directions see much of the same: together they are worth
+    `effective` of them. A share `floor` of q̄ is U, which bounds importance weights wherever a robot
+    can be; all of it is for images that say nothing.
     """
 
     sensor: CeilingModel
@@ -79,9 +80,14 @@ class CeilingIndex(Configurable):
             return ()
         middle, gradients = told
         w = -0.5 * self.effective / (self.headings * self.sigma_gradient**2)
-        turned = np.stack([np.roll(gradients, k) for k in range(self.headings)], axis=1)
-        square = np.einsum("sj,sj->s", rises, rises) + np.float32(gradients @ gradients)
-        log_w = np.float32(w) * (square[:, None] - np.float32(2.0) * (rises @ turned))
+        shown = np.isfinite(gradients).astype(np.float32)
+        gradients = np.nan_to_num(gradients)
+        seen, turned = (
+            np.stack([np.roll(each, k) for k in range(self.headings)], axis=1)
+            for each in (shown, gradients)
+        )
+        square = rises**2 @ seen + np.float32(gradients @ gradients)
+        log_w = np.float32(w) * (square - np.float32(2.0) * (rises @ turned))
         log_w -= (np.float32(0.5 / self.sigma_brightness**2) * (bright - middle) ** 2)[:, None]
         known = np.isfinite(log_w[:, 0])
         if not known.any():
@@ -95,11 +101,11 @@ class CeilingIndex(Configurable):
         return (Found(0, squares[row] * self.headings + heading, mass / mass.sum()),)
 
     def _told(self, z: Image) -> tuple[np.float32, Singles] | None:
-        """Brightness of the image's middle, and the gradient in each direction from ahead on; None
-        where the image does not reach that far, or a pixel is no number.
+        """Brightness of the image's middle, and the gradient in each direction from ahead on, NaN
+        where the image ends before, or a pixel is no number; None where the middle is none.
         """
         told = self._looking.means(z.pixels, self._around)
-        if not np.isfinite(told).all():
+        if not np.isfinite(told[0]):
             return None
         gradients = (told[1:] - told[0]) / self.reach
         return np.float32(told[0]), gradients.astype(np.float32)

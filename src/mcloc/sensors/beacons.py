@@ -43,8 +43,8 @@ class BeaconModel(Configurable):
     at most 1. P is 1 beside other sensors: a beacon of which nothing is known is believed half, or
     a bad one could outvote them at the start. Where a robot has only beacons P is 0. The runtime
     counts, for each beacon by itself. E is by this model, or by how often a typical sensor of the
-    robot fails, the median, if that is more: where most of them fail, it is not they that are
-    wrong.
+    robot fails, if that is more: the median of its other sensors, or where it has none, of its
+    beacons. Where most of these fail, it is not they that are wrong.
 
     All beacons share one evidence: a single one that fails is no sign that the robot is lost.
 

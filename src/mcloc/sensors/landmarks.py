@@ -65,7 +65,7 @@ class LandmarkModel(Configurable):
     )
     p_false: float = param(0.0, "", "chance that a sighting is of no landmark", low=0, high=0.99)
     p_detect: float = param(
-        0.0, "", "chance that a landmark in view is seen; 0: misses say nothing", low=0, high=0.99
+        0.0, "", "chance that one within `fov` is seen; 0: misses say nothing", low=0, high=0.99
     )
     fov: float = param(
         2.0 * math.pi, "rad", "angle of view, half to each side", above=0, high=2.0 * math.pi
