@@ -22,6 +22,7 @@ COLOURS = ("#7a7a7a", "#d6336c", "#e8590c", "#1f5fbf", "#0b7285", "#66a80f", "#9
 METRICS = {
     "reached": "iterations until the error is below 5 tiles for the first time",
     "settled": "iterations until it stays there for 20",
+    "early": "mean error in the first 100 iterations, tiles",
     "tracking": "mean error in the last 100 iterations, tiles",
     "peaks": "share of these with an error of 5 tiles or more",
 }
@@ -37,6 +38,7 @@ def measured(errors: ArrayLike) -> dict[str, Any]:
     return {
         "reached": _first(near, len(e)),
         "settled": _first(row, len(e)),
+        "early": float(e[:100].mean()),
         "tracking": float(e[-100:].mean()),
         "peaks": float(1.0 - near[-100:].mean()),
         "curve": e[::EVERY].tolist(),
@@ -48,10 +50,15 @@ def _first(holds: NDArray[np.bool_], n: int) -> int:
     return int(np.argmax(holds)) + 1 if holds.any() else n + 1
 
 
-def medians(table: Table, metric: str, method: str) -> dict[str, Interval]:
-    """Of a method, by the sensor's error."""
+ARRIVAL = ("reached", "settled")
+"""By which a filter is there: a lucky iteration reaches the place, and does not show on a curve."""
+
+
+def arrivals(table: Table, method: str) -> dict[str, Interval]:
+    """Of a method, by the sensor's error and what counts as being there."""
     return {
-        f"off by {error}": median(table.where(off_by=error, method=method).column(metric))
+        f"{metric}, off by {error}": median(table.where(off_by=error, method=method).column(metric))
+        for metric in ARRIVAL
         for error in table.values("off_by")
     }
 
@@ -64,16 +71,16 @@ def means(table: Table, metric: str, method: str) -> dict[str, Interval]:
     }
 
 
-def everywhere(found: Mapping[Any, Comparison], what: str) -> Finding:
+def everywhere(found: Sequence[Comparison], what: str) -> Finding:
     """A claim that the first of two is larger in all comparisons; `what` names their ratio."""
-    above = [c.above for c in found.values()]
-    hardest = min(found.values(), key=lambda c: c.ratio.value)
+    above = [c.above for c in found]
+    hardest = min(found, key=lambda c: c.ratio.value)
     return Finding(
         graded(above),
         f"{what} ({hardest.told})",
         hardest.ratio,
-        f"All: {listed(list(found.values()))}. It holds in {sum(above)} of {len(found)} "
-        f"comparisons, the opposite in {sum(c.below for c in found.values())}.",
+        f"All: {listed(found)}. It holds in {sum(above)} of {len(found)} "
+        f"comparisons, the opposite in {sum(c.below for c in found)}.",
     )
 
 
@@ -87,16 +94,19 @@ def about(found: Mapping[str, Interval], number: float) -> Verdict:
 
 
 def against(
-    table: Table, metric: str, pairs: Sequence[tuple[str, str]]
-) -> dict[tuple[Any, str, str], Comparison]:
-    """{(error, method, other): the other's metric to the method's}, corrected for all of them."""
-    chosen = {
-        (error, one, other): table.paired(metric, _of(error, other), _of(error, one))
-        for error in table.values("off_by")
-        for one, other in pairs
-    }
-    found = compared({f"{o} to {m}, off by {e}": values for (e, m, o), values in chosen.items()})
-    return dict(zip(chosen, found, strict=True))
+    table: Table, metrics: Sequence[str], pairs: Sequence[tuple[str, str]]
+) -> list[Comparison]:
+    """The other's metric to that of a method, for each pair (method, other), each of the sensor's
+    errors and each metric; corrected for all of them.
+    """
+    chosen = {}
+    for metric in metrics:
+        for error in table.values("off_by"):
+            for one, other in pairs:
+                which = f"{other} to {one}, off by {error}"
+                told = which if len(metrics) == 1 else f"{which}, {metric}"
+                chosen[told] = table.paired(metric, _of(error, other), _of(error, one))
+    return compared(chosen)
 
 
 def _of(error: Any, method: str) -> Setting:

@@ -3,16 +3,16 @@
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.draws import Draws
 from mcloc.environment import Tiles
-from mcloc.filters.filter import Filter
+from mcloc.filters.filter import Filter, StepInfo
 from mcloc.filters.hierarchical.description import FullStates
 from mcloc.filters.hierarchical.domain import TileRows
 from mcloc.filters.hierarchical.hierarchical_mcl import HierarchicalMCL
@@ -30,7 +30,7 @@ from mcloc.proposals.renewed import Renewed
 from mcloc.protocols import SensorModel
 from mcloc.resampling import Multinomial
 from mcloc.sample_size import Fixed
-from mcloc.sensors.grey_tile import GreySensor, PreciseGreyTile
+from mcloc.sensors.grey_tile import PreciseGreyTile
 from mcloc.sensors.low_resolution import LowResolution
 from mcloc.statespace import LINE, PLANE
 
@@ -59,8 +59,8 @@ robot starts on the first tile and steps towards the middle of the row from wher
 the tile with most of the belief. The paper tells no more than that; so the rest is ours:
 
 - *vanilla*: MCL as in its Fig. 1, with 6 or 36 particles, {100 * RANDOM:.0f} % of them random:
-  without these a filter with a precise sensor seldom finds a robot that was carried off, as the
-  paper's does. *None random* is without.
+  without these a filter with a precise sensor finds a robot that was carried off in few runs, where
+  the paper's does. *None random* is without.
 - *coarse*: the virtual low-resolution sensor. The paper asks three properties of it and gives no
   formula. Here a value explains a tile as well as it explains the best tile around, less what that
   is away: over the width of the node's region, or of the row for vanilla MCL, the likelihood falls
@@ -77,12 +77,24 @@ the tile with most of the belief. The paper tells no more than that; so the rest
   new one random particles. Nothing is taken over from the node above, as `mcloc run` has it.
 - As in the paper a robot has *reached* its place when its error is below {NEAR} tiles for the first
   time. It has *settled* when that begins to hold for {IN_A_ROW} iterations in a row, for the paper
-  judges by curves, on which a lucky iteration does not show. What is not reached in a run counts as
-  the iteration after its last one. *Peaks* are iterations whose error is {NEAR} tiles or more.
+  judges by curves, on which a lucky iteration does not show. Claims about when it is *there* are
+  asked by both. What is not reached in a run counts as the iteration after its last one. *Peaks*
+  are iterations whose error is {NEAR} tiles or more.
 """
 
 
-def domain(sensor: GreySensor) -> TileRows:
+class TileSensor(SensorModel, Protocol):
+    """A sensor above tiles."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many there are along each axis."""
+
+    def sample(self, x: NDArray[np.float64], rng: np.random.Generator) -> Any:
+        """What is read on a tile x (D,)."""
+
+
+def domain(sensor: TileSensor) -> TileRows:
     """All tiles that a sensor knows, along one axis or two."""
     n = np.array(sensor.shape, dtype=np.float64)
     space = LINE if len(n) == 1 else PLANE
@@ -109,7 +121,7 @@ def parts_of(n: int, share: float = RANDOM) -> tuple[Part, ...]:
     return (Part(1.0, Renewed(Forward(Multinomial()), share), Fixed(n)),)
 
 
-def vanilla(sensor: GreySensor, n: int, coarse: bool, share: float = RANDOM) -> ParticleFilter:
+def vanilla(sensor: TileSensor, n: int, coarse: bool, share: float = RANDOM) -> ParticleFilter:
     """MCL over all tiles."""
     tiles = domain(sensor)
     seen = from_afar(sensor, tiles.whole) if coarse else LowResolution(sensor)
@@ -118,14 +130,15 @@ def vanilla(sensor: GreySensor, n: int, coarse: bool, share: float = RANDOM) -> 
 
 
 def hierarchy(
-    sensor: GreySensor,
+    sensor: TileSensor,
     allocation: Allocation,
     *,
     levels: int = LEVELS,
     techniques: Techniques | None = None,
     zones: bool = False,
+    coarse: Mapping[str, float] | None = None,
 ) -> HierarchicalMCL:
-    """Hierarchical MCL over all tiles."""
+    """Hierarchical MCL over all tiles. coarse: as of Sensing."""
     tiles = domain(sensor)
     chosen = techniques or Techniques(virtual=VIRTUAL, random=RANDOM)
     return HierarchicalMCL(
@@ -135,7 +148,7 @@ def hierarchy(
         ZoneOnly(tiles) if zones else FullStates(tiles, np.ones(len(sensor.shape))),
         allocation,
         lambda n: parts_of(n, chosen.random),
-        Sensing(from_afar),
+        Sensing(from_afar, coarse or {}),
         chosen,
         levels,
         0.0,
@@ -168,13 +181,14 @@ def believed(filter: Filter[Any], bel: Any) -> int:
 
 def driven(
     filter: Filter[Any],
-    sensor: GreySensor,
+    sensor: TileSensor,
     seed: int,
     iterations: int,
     carried_off: int | None = None,
     by: int = 0,
-) -> Iterator[tuple[int, int, Any]]:
-    """The robot's tile, the one that it believes in, and the belief, after each iteration.
+) -> Iterator[tuple[int, int, Any, StepInfo]]:
+    """The robot's tile, the one that it believes in, the belief and what the step tells of itself,
+    after each iteration.
 
     carried_off: after this iteration's step the robot is set down so many tiles farther, around the
     row.
@@ -189,6 +203,6 @@ def driven(
         if k == carried_off:
             x = (x + by) % tiles
         z = sensor.sample(np.array([x]), rng)
-        bel, _ = filter.step(bel, np.array([action]), z, Draws(seed, k))
+        bel, info = filter.step(bel, np.array([action]), z, Draws(seed, k))
         there = believed(filter, bel)
-        yield x, there, bel
+        yield x, there, bel, info
