@@ -2,9 +2,11 @@
 not.
 """
 
+import math
 import struct
 import tracemalloc
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,18 +16,31 @@ from tests.team.conftest import place, ring
 
 from mcloc.density_tree import DensityTree
 from mcloc.errors import MessageError
+from mcloc.events import Detection
 from mcloc.particles import Particles
 from mcloc.statespace import LINE, PLANE, SE2
 from mcloc.team import wire
 from mcloc.team.compression import compressed
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
-from mcloc.team.wire import Farewell, Heard, Heartbeat, Notice, Reply, Sent, decoded, encoded
+from mcloc.team.wire import (
+    Farewell,
+    Heard,
+    Heartbeat,
+    Notice,
+    Refusal,
+    Reply,
+    Sent,
+    decoded,
+    encoded,
+)
 
 SENT = Sent("räuber-1", 7, 42, 1.7e9)
-NOTICE = Notice("r2", 12.5, 3.25, -0.4, float("nan"), place(200))
+Z = Detection(12.5, "r2", 3.25, -0.4, mount=np.array([0.25, 0.0, 0.5]))
+NOTICE = Notice(Z, 1.5, place(200))
 REPLY = Reply("r2", 2**64 - 1, 2**64 - 1, 12.5, ring(200))
-BEAT = Heartbeat(13.0, (Heard("r2", 3, 5.0, 0.25), Heard("r3", 4, 6.0, 0.5)))
-SAYINGS = [BEAT, Heartbeat(float("inf")), Farewell(), NOTICE, REPLY]
+BEAT = Heartbeat(12.0, 13.0, (Heard("r2", 3, 5.0, 0.25, 9), Heard("r3", 4, 6.0, 0.5, 0)))
+REFUSAL = Refusal("r2", 3, 4, 12.5, "late")
+SAYINGS = [BEAT, Heartbeat(12.0, float("inf")), Farewell(), NOTICE, REPLY, REFUSAL]
 MESSAGES = [encoded(SENT, said) for said in SAYINGS]
 FRAME = 14  # bytes before what the checksum is of
 
@@ -54,7 +69,7 @@ def same_tree(a, b):
     assert b.mass.sum() == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("said", [BEAT, Heartbeat(float("inf")), Farewell()])
+@pytest.mark.parametrize("said", [BEAT, Heartbeat(-math.inf, math.inf), Farewell(), REFUSAL])
 def test_what_is_said_comes_back(said):
     assert decoded(encoded(SENT, said)) == (SENT, said)
 
@@ -62,8 +77,10 @@ def test_what_is_said_comes_back(said):
 def test_a_notice_and_a_reply_come_back_with_their_trees():
     sent, notice = decoded(encoded(SENT, NOTICE))
     assert sent == SENT
-    assert (notice.seen, notice.t, notice.range, notice.bearing) == ("r2", 12.5, 3.25, -0.4)
-    assert np.isnan(notice.heading)
+    z = notice.z
+    assert (z.t, z.seen, z.range, z.bearing, notice.moved) == (12.5, "r2", 3.25, -0.4, 1.5)
+    assert np.isnan(z.heading)
+    assert z.mount.tolist() == [0.25, 0.0, 0.5]
     same_tree(NOTICE.tree, notice.tree)
     _, reply = decoded(encoded(SENT, REPLY))
     assert (reply.seer, reply.session, reply.number, reply.t) == ("r2", *2 * (2**64 - 1,), 12.5)
@@ -86,12 +103,12 @@ def test_no_message_is_longer_than_it_may_be():
     name = "n" * wire.MOST_NAME
     large = ring(20_000)
     assert len(large.child) > 2 * MOST_LEAVES
-    heard = tuple(Heard(name, 1, 2.0, 3.0) for _ in range(wire.MOST_HEARD))
+    heard = tuple(Heard(name, 1, 2.0, 3.0, 4) for _ in range(wire.MOST_HEARD))
     sizes = [
         len(encoded(Sent(name, 1, 2, 3.0), said))
-        for said in (Reply(name, 1, 2, 3.0, large), Heartbeat(0.0, heard))
+        for said in (Reply(name, 1, 2, 3.0, large), Heartbeat(0.0, 0.0, heard))
     ]
-    assert max(sizes) <= wire.MOST_BYTES < 4096
+    assert max(sizes) <= wire.MOST_BYTES < 4500
     assert all(refusal(b"x" * n) for n in (wire.MOST_BYTES, wire.MOST_BYTES + 1, 100_000))
 
 
@@ -102,6 +119,10 @@ def with_name(name):
 
 TREE_AT = len(MESSAGES[3]) - len(packed(NOTICE.tree))
 LEAVES = (len(NOTICE.tree.child) + 1) // 2
+
+
+def notice(moved=0.0, **changed):
+    return Notice(replace(Z, **changed), moved, NOTICE.tree)
 
 
 def with_tree(change):
@@ -130,7 +151,6 @@ def deep(data):
 
 
 wire_leaf = 255
-SEEN_AT = TREE_AT - 32
 
 WRONG = {
     "too short": MESSAGES[0][:13],
@@ -146,12 +166,14 @@ WRONG = {
     "name that is not UTF-8": with_name(b"\xff\xfe"),
     "name with characters that it may not have": with_name(b"a/**"),
     "stamp that cannot be": encoded(Sent("r1", 1, 1, float("nan")), Farewell()),
-    "too many peers": sealed(MESSAGES[0][: FRAME + 34 + 8] + b"\xff" + MESSAGES[0][FRAME + 43 :]),
-    "range that cannot be": encoded(SENT, Notice("r2", 1.0, -1.0, 0.0, 0.0, NOTICE.tree)),
-    "angle that cannot be": encoded(SENT, Notice("r2", 1.0, 1.0, np.nan, 0.0, NOTICE.tree)),
+    "too many peers": sealed(MESSAGES[0][: FRAME + 50] + b"\xff" + MESSAGES[0][FRAME + 51 :]),
+    "range that cannot be": encoded(SENT, notice(range=-1.0)),
+    "angle that cannot be": encoded(SENT, notice(bearing=4.0)),
     "tree of the wrong length": with_tree(cut),
-    "tree of another space": encoded(SENT, Reply("r2", 1, 1, 1.0, NOTICE.tree)),
+    "tree of another space": with_tree(put(0, "<B", 3)),
     "tree of too many leaves, or none": with_tree(put(1, "<H", 65535)),
+    "mount or distance that cannot be": encoded(SENT, notice(moved=np.nan)),
+    "refused for no known reason": sealed(MESSAGES[5][:-1] + b"\x09"),
     "floor of a tree not in [0, 1)": with_tree(put(3, "<d", 1.0)),
     "mass of a leaf NaN, infinite or negative": with_tree(masses(np.nan)),
     "masses of a tree that do not sum to 1": with_tree(masses(0.9)),
@@ -213,7 +235,7 @@ def test_random_bytes_are_refused(data):
     assert refusal(data)
 
 
-@given(st.binary(max_size=400), st.integers(1, 4))
+@given(st.binary(max_size=400), st.integers(1, 5))
 def test_random_bytes_that_look_right_from_outside_are_judged(data, kind):
     refusal(sealed(b"mcTM" + bytes([1, kind]) + bytes(8) + data))
 

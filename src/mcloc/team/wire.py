@@ -15,9 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from mcloc.density import FAR
 from mcloc.density_tree import DensityTree
 from mcloc.errors import MessageError
+from mcloc.events import Detection
 from mcloc.statespace import PLANE, SE2
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
 
@@ -28,11 +31,14 @@ MOST_HEARD = 64  # peers that a heartbeat tells of
 
 _FRAME = struct.Struct("<4sBBII")
 _SENT = struct.Struct("<QQd")
-_HEARD = struct.Struct("<Qdd")
-_SEEN = struct.Struct("<dddd")
+_HEARD = struct.Struct("<QddQ")
+_SEEN = struct.Struct("<d3d3dd")
 _ANSWER = struct.Struct("<QQd")
+_BEAT = struct.Struct("<ddB")
+_WHY = struct.Struct("<B")
 _LATEST = 1e12  # s, stamps and clocks
 _TURN = math.pi + 1e-6  # rad
+_LARGEST_ROBOT = 1e3  # m
 _RESERVED = frozenset("/*$?#")  # in the names of keys
 
 MOST_BYTES = (
@@ -42,7 +48,7 @@ MOST_BYTES = (
     + _SENT.size
     + max(
         1 + MOST_NAME + max(_SEEN.size, _ANSWER.size) + most_bytes(SE2.dimension, MOST_LEAVES),
-        9 + MOST_HEARD * (1 + MOST_NAME + _HEARD.size),
+        _BEAT.size + MOST_HEARD * (1 + MOST_NAME + _HEARD.size),
     )
 )
 """No message is longer."""
@@ -50,8 +56,9 @@ MOST_BYTES = (
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Who sends a message. sender: the robot's name. session: of its process, larger after each
-    start. number: of the message in it, one more for each. clock: s, the sender's, when it sends.
+    """Who sends a message. sender: the robot's name. session: ns, when its process began, by its
+    clock. number: of the message, 0, 1, …: those to all robots are counted by themselves, and so
+    are those to each single one. clock: s, the sender's, when it sends.
     """
 
     sender: str
@@ -63,21 +70,24 @@ class Sent:
 @dataclass(frozen=True, slots=True)
 class Heard:
     """The last heartbeat that came from a peer. session: of that peer. clock: s, what it said its
-    clock was. since: s that have passed here since it came.
+    clock was. since: s that have passed here since it came. told: messages so far to it alone.
     """
 
     peer: str
     session: int
     clock: float
     since: float
+    told: int
 
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """A robot is there. until: s, the stamp before which it will not tell of another sighting.
-    heard: of whom it hears, for them to compare clocks by.
+    """A robot is there. position: s, the last stamp that it has processed, −inf before the first.
+    until: s, the stamp before which it will not tell of another sighting; NaN while it still waits
+    for others. heard: of whom it hears, for them to compare clocks by.
     """
 
+    position: float
     until: float
     heard: tuple[Heard, ...] = ()
 
@@ -89,23 +99,20 @@ class Farewell:
 
 @dataclass(frozen=True, eq=False)
 class Notice:
-    """The sender saw a robot. seen: its name. t: s, when. range, bearing: m and rad from the
-    sender's heading. heading: rad, that of the seen one from the sender's; NaN if not measured.
-    tree: where the seen one is by the sender's belief, x, y or x, y, θ.
+    """The sender saw a robot: z, of which `seen` names that one. moved: m, how far the sender has
+    come since such a sighting was last used; ∞ if none was. tree: where the seen one is by the
+    sender's belief, x, y or x, y, θ.
     """
 
-    seen: str
-    t: float
-    range: float
-    bearing: float
-    heading: float
+    z: Detection
+    moved: float
     tree: DensityTree
 
 
 @dataclass(frozen=True, eq=False)
 class Reply:
     """Where the robot is that sent a notice, by the belief of the one that it saw. seer: its name.
-    session, number: of the notice. t: s, of the sighting.
+    session, number: of the notice. t: s, of the sighting. tree: over x, y, θ, or x, y.
     """
 
     seer: str
@@ -115,9 +122,23 @@ class Reply:
     tree: DensityTree
 
 
-Said = Heartbeat | Farewell | Notice | Reply
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """That a notice was not used. why: one of WHY. The others as of a Reply."""
 
-_KINDS: dict[int, type[Said]] = {1: Heartbeat, 2: Farewell, 3: Notice, 4: Reply}
+    seer: str
+    session: int
+    number: int
+    t: float
+    why: str
+
+
+WHY = ("late", "too soon after the last one", "where the wheels are not known")
+
+
+Said = Heartbeat | Farewell | Notice | Reply | Refusal
+
+_KINDS: dict[int, type[Said]] = {1: Heartbeat, 2: Farewell, 3: Notice, 4: Reply, 5: Refusal}
 _CODES = {kind: code for code, kind in _KINDS.items()}
 
 
@@ -136,16 +157,19 @@ def encoded(sent: Sent, said: Said) -> bytes:
     """The message, at most MOST_BYTES long."""
     body = _name(sent.sender) + _SENT.pack(sent.session, sent.number, sent.clock)
     match said:
-        case Heartbeat(until, heard):
-            body += struct.pack("<dB", until, len(heard))
+        case Heartbeat(position, until, heard):
+            body += _BEAT.pack(position, until, len(heard))
             for h in heard:
-                body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since)
-        case Notice():
-            body += _name(said.seen) + _SEEN.pack(said.t, said.range, said.bearing, said.heading)
-            body += packed(said.tree)
+                body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
+        case Notice(z, moved, tree):
+            measured = z.t, z.range, z.bearing, z.heading, *z.mount, moved
+            body += _name(z.seen) + _SEEN.pack(*measured) + packed(tree)
         case Reply():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
             body += packed(said.tree)
+        case Refusal():
+            body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
+            body += bytes([WHY.index(said.why)])
     code = _CODES[type(said)]
     return _FRAME.pack(MAGIC, VERSION, code, _FRAME.size + len(body), _checksum(code, body)) + body
 
@@ -229,33 +253,47 @@ def _check_times(*times: float) -> None:
 
 
 def _heartbeat(read: _Reader) -> Heartbeat:
-    until, n = read.values(struct.Struct("<dB"))
+    position, until, n = read.values(_BEAT)
     if n > MOST_HEARD:
         raise MessageError("too many peers")
-    if math.isnan(until):
+    if math.isnan(position):
         raise MessageError("stamp that cannot be")
     heard = []
     for _ in range(n):
-        peer, (session, clock, since) = read.name(), read.values(_HEARD)
+        peer, (session, clock, since, told) = read.name(), read.values(_HEARD)
         _check_times(clock, since)
-        heard.append(Heard(peer, session, clock, since))
-    return Heartbeat(until, tuple(heard))
+        heard.append(Heard(peer, session, clock, since, told))
+    return Heartbeat(position, until, tuple(heard))
 
 
 def _notice(read: _Reader) -> Notice:
-    seen, (t, distance, bearing, heading) = read.name(), read.values(_SEEN)
+    seen, (t, distance, bearing, heading, *mount, moved) = read.name(), read.values(_SEEN)
     _check_times(t)
     if not 0.0 < distance < FAR:
         raise MessageError("range that cannot be")
-    if not abs(bearing) <= _TURN or abs(heading) > _TURN:  # a heading may be NaN
+    if abs(bearing) > _TURN or abs(heading) > _TURN:  # either may be NaN
         raise MessageError("angle that cannot be")
-    return Notice(seen, t, distance, bearing, heading, unpacked(read.rest(), PLANE, SE2))
+    if not (all(abs(m) < _LARGEST_ROBOT for m in mount) and moved >= 0.0):
+        raise MessageError("mount or distance that cannot be")
+    z = Detection(t, seen, distance, bearing, heading, np.array(mount))
+    return Notice(z, moved, unpacked(read.rest(), PLANE, SE2))
 
 
 def _reply(read: _Reader) -> Reply:
+    return Reply(*_answer(read), unpacked(read.rest(), PLANE, SE2))
+
+
+def _refusal(read: _Reader) -> Refusal:
+    answer, (why,) = _answer(read), read.values(_WHY)
+    if why >= len(WHY):
+        raise MessageError("refused for no known reason")
+    return Refusal(*answer, WHY[why])
+
+
+def _answer(read: _Reader) -> tuple[str, int, int, float]:
     seer, (session, number, t) = read.name(), read.values(_ANSWER)
     _check_times(t)
-    return Reply(seer, session, number, t, unpacked(read.rest(), SE2))
+    return seer, session, number, t
 
 
 def _farewell(_: _Reader) -> Farewell:
@@ -267,4 +305,5 @@ _SAYING: dict[type[Said], Callable[[_Reader], Said]] = {
     Farewell: _farewell,
     Notice: _notice,
     Reply: _reply,
+    Refusal: _refusal,
 }
