@@ -57,7 +57,7 @@ MOST_BYTES = (
 @dataclass(frozen=True, slots=True)
 class Sent:
     """Who sends a message. sender: the robot's name. session: ns, when its process began, by its
-    clock. number: of the message, 0, 1, …: those to all robots are counted by themselves, and so
+    clock. number: of the message, 0, 1, …: those to all robots are numbered by themselves, and so
     are those to each single one. clock: s, the sender's, when it sends.
     """
 
@@ -70,7 +70,8 @@ class Sent:
 @dataclass(frozen=True, slots=True)
 class Heard:
     """The last heartbeat that came from a peer. session: of that peer. clock: s, what it said its
-    clock was. since: s that have passed here since it came. told: messages so far to it alone.
+    clock was. since: s that have passed here since it came. told: messages to it alone, in that
+    session of it.
     """
 
     peer: str
@@ -101,25 +102,26 @@ class Farewell:
 class Notice:
     """The sender saw a robot: z, of which `seen` names that one. moved: m, how far the sender has
     come since such a sighting was last used; ∞ if none was. tree: where the seen one is by the
-    sender's belief, x, y or x, y, θ.
+    sender's belief, x, y or x, y, θ; None where it has no place itself.
     """
 
     z: Detection
     moved: float
-    tree: DensityTree
+    tree: DensityTree | None
 
 
 @dataclass(frozen=True, eq=False)
 class Reply:
     """Where the robot is that sent a notice, by the belief of the one that it saw. seer: its name.
-    session, number: of the notice. t: s, of the sighting. tree: over x, y, θ, or x, y.
+    session, number: of the notice. t: s, of the sighting. tree: over x, y, θ, or x, y; None where
+    it has no place itself.
     """
 
     seer: str
     session: int
     number: int
     t: float
-    tree: DensityTree
+    tree: DensityTree | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +135,13 @@ class Refusal:
     why: str
 
 
-WHY = ("late", "too soon after the last one", "where the wheels are not known")
+WHY = (
+    "late",
+    "of the same robots again",
+    "without odometry",
+    "between robots that have no place yet",
+    "that nobody had time for",
+)
 
 
 Said = Heartbeat | Farewell | Notice | Reply | Refusal
@@ -163,10 +171,10 @@ def encoded(sent: Sent, said: Said) -> bytes:
                 body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
         case Notice(z, moved, tree):
             measured = z.t, z.range, z.bearing, z.heading, *z.mount, moved
-            body += _name(z.seen) + _SEEN.pack(*measured) + packed(tree)
+            body += _name(z.seen) + _SEEN.pack(*measured) + _packed(tree)
         case Reply():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
-            body += packed(said.tree)
+            body += _packed(said.tree)
         case Refusal():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
             body += bytes([WHY.index(said.why)])
@@ -199,6 +207,14 @@ def decoded(data: bytes) -> tuple[Sent, Said]:
     said = _SAYING[_KINDS[code]](read)
     read.end()
     return sent, said
+
+
+def _packed(tree: DensityTree | None) -> bytes:
+    return b"" if tree is None else packed(tree)
+
+
+def _unpacked(data: bytes) -> DensityTree | None:
+    return unpacked(data, PLANE, SE2) if data else None
 
 
 def _name(name: str) -> bytes:
@@ -276,11 +292,11 @@ def _notice(read: _Reader) -> Notice:
     if not (all(abs(m) < _LARGEST_ROBOT for m in mount) and moved >= 0.0):
         raise MessageError("mount or distance that cannot be")
     z = Detection(t, seen, distance, bearing, heading, np.array(mount))
-    return Notice(z, moved, unpacked(read.rest(), PLANE, SE2))
+    return Notice(z, moved, _unpacked(read.rest()))
 
 
 def _reply(read: _Reader) -> Reply:
-    return Reply(*_answer(read), unpacked(read.rest(), PLANE, SE2))
+    return Reply(*_answer(read), _unpacked(read.rest()))
 
 
 def _refusal(read: _Reader) -> Refusal:
