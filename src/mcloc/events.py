@@ -206,13 +206,56 @@ class Image:
         return bool(np.isfinite(self.pixels).any())
 
 
-Measurement = Scan | Sightings | BeaconRanges | Image
+@dataclass(frozen=True, eq=False, slots=True)
+class Message:
+    """What another robot told of where this one is: a density tree, of places x, y or of poses x,
+    y, θ, map frame.
+
+    t: seconds, of the moment that it is about. low … weight: the tree, as of DensityTree, and
+    floor. p_false: the chance that the detection behind it was none; then each place, or pose, has
+    the density `even` (1/m² or 1/(m² rad)), > 0. odometry, novelty, source: as of a Scan; the
+    source names the other robot. Raises ConfigError for a tree of no such axes.
+    """
+
+    called: ClassVar[str] = "message"
+    empty: ClassVar[str] = "message that says nothing"
+    repeats: ClassVar[bool] = False
+
+    t: float
+    low: NDArray[np.float64]
+    side: NDArray[np.float64]
+    axis: NDArray[np.uint64]
+    split: NDArray[np.float64]
+    child: NDArray[np.uint64]
+    corner: NDArray[np.float64]
+    width: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    floor: float
+    p_false: float
+    even: float
+    source: str
+    odometry: Pose | None = None
+    novelty: float = 1.0
+
+    def __post_init__(self) -> None:
+        if len(self.low) not in (2, 3):
+            raise ConfigError(
+                f"a message is of places x, y or poses x, y, θ, got {len(self.low)} axes"
+            )
+
+    @property
+    def useful(self) -> bool:
+        """Whether anything is told."""
+        return self.p_false < 1.0
+
+
+Measurement = Scan | Sightings | BeaconRanges | Image | Message
 """What a sensor tells. called: its name in messages; empty: that of one that is not `useful`.
 repeats: whether another one from the same place makes the same errors, so that the robot has to
 move before it is news.
 """
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (Scan, Sightings, BeaconRanges, Image)
+MEASUREMENTS: tuple[type[Measurement], ...] = (Scan, Sightings, BeaconRanges, Image, Message)
 
 Event = Odometry | Measurement
 

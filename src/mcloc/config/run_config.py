@@ -67,7 +67,7 @@ class RunConfig:
     of the ceiling and of a folder of images of it; those of a bag need no folder. scans: whether
     those of the log are used; its odometry is in any case. derive_sonar: instead of them, a ring of
     so many sonars. seed: None for a fresh one. robot: which one of an MRCLAM folder, None for other
-    logs. threads: None for one a core. filter … camera: names of parts. pace: that of the replay.
+    logs. threads: None for one a core. filter … message: names of parts. pace: that of the replay.
     settings: {part: {parameter: value}} where they differ from the defaults; text is read as what
     the parameter is.
 
@@ -104,6 +104,7 @@ class RunConfig:
     sightings: str = Composition.sightings
     ranging: str = Composition.ranging
     camera: str = Composition.camera
+    message: str = Composition.message
     pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis, away, hypotheses
-from mcloc.events import BeaconRanges
+from mcloc.events import BeaconRanges, Message
 from mcloc.filters.drawing import draw
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.people import NoPeopleFilter
@@ -117,7 +117,9 @@ class ParticleFilter:
         """
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
-        alpha = self.recovery.alpha(evidence)
+        told = isinstance(z, Message)
+        # What others tell is no sign that the robot is lost: it is they who may be.
+        alpha = 0.0 if told else self.recovery.alpha(evidence)
         searching = bel.searching or alpha > self.recovery.alpha(Evidence())
         filtered = 0.0
         if not searching:  # a filter that may be lost must see all that contradicts it
@@ -126,7 +128,7 @@ class ParticleFilter:
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         total, likelihood = self._totals(drawn[0], z, filtered)
         # One range that is off is an outlier more often than a lie of the wheels.
-        doubted = not isinstance(z, BeaconRanges)
+        doubted = not (told or isinstance(z, BeaconRanges))
         doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)

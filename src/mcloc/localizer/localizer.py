@@ -27,10 +27,12 @@ from mcloc.localizer.pace import Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
 from mcloc.localizer.record import Records, noted, told
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.particles import Particles
 from mcloc.protocols import Density
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 MOST_WAITING = 1000  # measurements without odometry
+PREDICTED = 3 << 16  # part of the random numbers; a filter's are less
 LATENCY = 1.0  # s that a measurement of one sensor waits for those of another
 
 
@@ -49,7 +51,8 @@ class Localizer:
     `ignored`; None loses none. Call `set_pose`, `start_globally`, `force_update` and `swap_map`
     between two events. `belief` makes one to go on with instead of a start: not every filter can
     start from nothing. `withheld` are the measurements of the last event for which the filter told
-    no pose: the stamp of each, and the wheels' pose. `record` is how well each sensor has fitted.
+    no pose: the stamp of each, and the wheels' pose. `record` is how well each sensor has fitted;
+    `told_start`, whether the belief began at a pose that somebody said.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class Localizer:
         self.policy = policy or UpdatePolicy()
         self.pace = pace or Offline()
         self.filter = self.composition.build(grid, *self.aids)
+        self._motion = self.composition.motion_model()
         self.ignored: Counter[str] = Counter()
         self.withheld: list[tuple[float, Pose]] = []
         self.step = 0  # of the random numbers; each start and each update takes one
@@ -88,6 +92,7 @@ class Localizer:
         self._forced = False
         self._busy_until = -np.inf  # s, in the time of the log
         self._warm = False
+        self.told_start = initial is not None
         if belief is not None:
             self.belief = belief(self.filter)
         elif initial is None:
@@ -137,6 +142,67 @@ class Localizer:
             self._queue(measurement)
         return self._release(final=True)
 
+    def catch_up(self, t: float) -> list[Estimate]:
+        """Process what waits with a stamp up to t and has its odometry, whatever other sensors may
+        still bring.
+        """
+        self.withheld = []
+        held = self._guard.held
+        if held is not None and held.t <= t and self._odometry.reaches(held.t):
+            for measurement in self._guard.rest():  # the wheels' clock has come there, too
+                self._queue(measurement)
+        return self._release(until=t)
+
+    def take(self, z: Measurement, at: Pose) -> Estimate | None:
+        """Take in what was measured when the wheels were at `at` (3,), at once: by somebody who
+        knows that the stamp is right, and that nothing older will come. None where it is too late,
+        which is counted in `ignored`, or while the filter withholds its estimate.
+        """
+        self.withheld = []
+        if z.t < self._done:
+            self.ignored[f"late {z.called}"] += 1
+            return None
+        return self._localize(z, at)
+
+    def predicted(self, at: Pose) -> Particles:
+        """What is believed of the robot when its wheels are at `at` (3,), before anything is
+        measured there: p(x_t | d_{0…t−1}, u_t), map frame.
+        """
+        particles = self.belief.particles
+        u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
+        if not u.any():
+            return particles
+        draws = self.draws(PREDICTED)
+        states = self._motion.sample(particles.states, u, draws, 0)
+        prior = self.filter.environment.log_prior(states)
+        return Particles.normalized(states, particles.log_weights + prior)
+
+    def draws(self, part: int) -> Draws:
+        """The random numbers of a part of the next step that is no part of the filter."""
+        return Draws(self.seed, self.step, part)
+
+    def wheels_at(self, t: float) -> Pose | None:
+        """(3,): their pose at t, odometry frame; None where it is not known."""
+        return self._odometry.at(t)
+
+    def wheels_reach(self, t: float) -> bool:
+        """Whether nothing more will be known of them at t."""
+        return self._odometry.reaches(t)
+
+    @property
+    def placed(self) -> bool:
+        """Whether anything is known of the place: a start pose, or something that was measured."""
+        return self.told_start or self.update is not None
+
+    @property
+    def done(self) -> float:
+        """Seconds: what has an earlier stamp comes too late."""
+        return self._done
+
+    def moved_since_step(self, at: Pose) -> Pose | None:
+        """(3,): the move from the filter's last step to `at`; None before the first one."""
+        return None if self._stepped_at is None else between(self._stepped_at, at)
+
     def set_pose(self, pose: ArrayLike, covariance: ArrayLike) -> None:
         """Believe somebody who says where the robot will be at its next scan, which is then used.
 
@@ -168,6 +234,7 @@ class Localizer:
 
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
+        self.told_start = density is not self.filter.environment
         self.update, self._stepped_at, self._forced = None, None, False
         self._busy_until = -np.inf
         self._used_at.clear()
@@ -192,12 +259,14 @@ class Localizer:
             gone = self._waiting.pop(0)
             self.ignored[f"{gone.called} without odometry"] += 1
 
-    def _release(self, final: bool = False) -> list[Estimate]:
-        """Process the waiting measurements whose odometry is known by now."""
+    def _release(self, final: bool = False, until: float = -np.inf) -> list[Estimate]:
+        """Process the waiting measurements whose odometry is known by now; up to `until` without
+        regard to what other sensors may bring.
+        """
         done = []
         while self._waiting:
             z = self._waiting[0]
-            if not final and not self._ready(z):
+            if not (final or self._ready(z) or (z.t <= until and self._known(z))):
                 break
             self._waiting.pop(0)
             at = z.odometry if z.odometry is not None else self._odometry.at(z.t)
@@ -218,12 +287,16 @@ class Localizer:
 
     def _ready(self, z: Measurement) -> bool:
         """Whether its odometry is known, and no other sensor may still bring something older."""
-        if z.odometry is None and not self._odometry.reaches(z.t):
+        if not self._known(z):
             return False
         newest = max(*self._newest.values(), self._odometry.guard.newest)
         return newest - z.t > LATENCY or not any(
             z.t - LATENCY < t < z.t for t in self._newest.values()
         )
+
+    def _known(self, z: Measurement) -> bool:
+        """Whether its odometry is."""
+        return z.odometry is not None or self._odometry.reaches(z.t)
 
     def _localize(self, z: Measurement, at: Pose) -> Estimate | None:
         """Update if due and free to, and carry the hypotheses along the odometry otherwise. None

@@ -1,1 +1,1 @@
-"""Robots that see each other, and localize together  [Fox, Burgard, Kruppa, Thrun 2000]."""
+"""Robots that localize each other: what one that sees another tells it, and is told by it."""

@@ -26,7 +26,7 @@ from mcloc.team.wire import (
     decoded,
 )
 
-Message = tuple[Sent, Notice | Reply | Refusal]
+Letter = tuple[Sent, Notice | Reply | Refusal]
 
 MOST_AHEAD = 1024
 """Messages of a peer that are missed at once, at most: it may say that it sent any number."""
@@ -93,7 +93,7 @@ class Inbox:
         self.peers: dict[str, Peer] = {}
         self.dropped: Counter[str] = Counter()
 
-    def take(self, arrival: Arrival) -> Message | None:
+    def take(self, arrival: Arrival) -> Letter | None:
         """What may be used; None for what only says that a robot is there, and for what is left out
         and counted.
         """
@@ -124,7 +124,7 @@ class Inbox:
             if p.beat is not None
         )
 
-    def _judged(self, sent: Sent, said: Said, arrival: Arrival) -> Message | None:
+    def _judged(self, sent: Sent, said: Said, arrival: Arrival) -> Letter | None:
         if sent.sender != arrival.sender:
             raise MessageError("under the name of another robot")
         if sent.sender == self.name:
