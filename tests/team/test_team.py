@@ -351,6 +351,31 @@ def test_measurements_after_a_detection_wait_for_it():
     assert not robots["a"].ignored
 
 
+def test_wrong_stamps_of_wheels_do_no_harm():
+    """One from the future would make a detection wait no longer."""
+    team = Team({n: member(n, 300) for n in "ab"}, MODEL)
+    still(team, [0.0])
+    for t in (math.nan, 1e6):
+        drive(team, "a", [t])
+    team.process("a", Detection(0.5, "b", 2.0, 0.1))
+    assert team.used == 0
+    assert not team.ignored
+    still(team, [1.0])
+    assert team.used == 1
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    """Once three events of the wheels say so, nothing is late by the clock that was before."""
+    team = Team({n: member(n, 300) for n in "ab"}, MODEL)
+    still(team, [1000.0])
+    team.process("a", Detection(1000.0, "b", 2.0, 0.1))
+    assert team.used == 1
+    still(team, [0.0, 0.5, 1.0, 1.5])
+    team.process("a", Detection(1.5, "b", 2.0, 0.1))
+    assert team.used == 2
+    assert not team.ignored
+
+
 def test_a_team_is_of_two_or_more_that_can_be_told():
     with pytest.raises(ConfigError, match="at least 2"):
         Team({"a": member("a")})

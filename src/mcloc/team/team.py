@@ -27,6 +27,7 @@ SEEN, SEER, UNSEEN = (
     6 << 16,
 )  # parts of the random numbers, for the beliefs that are pushed
 PATIENCE = 1.0  # s that a detection waits for the wheels of both robots
+LOOKS = 0.2  # s between two looks whether the wheels have moved far
 WHEELS = "wheels"  # the source of messages that say nothing
 
 
@@ -87,7 +88,6 @@ class Team:
         self.told: list[Told] = []
         self._queue: list[Queued] = []
         self._last: dict[frozenset[str], Used] = {}
-        self._newest = -np.inf  # s, of odometry
         self._unseen = Unseen(self.robots, self.model, self.policy)
         self._followed: dict[str, float] = {}  # s, when it was looked whether to follow the wheels
 
@@ -100,9 +100,10 @@ class Team:
         self.told = []
         if isinstance(event, Odometry):
             found = self._estimates(robot, self.robots[robot].process(event))
-            if np.isfinite(event.t):
-                self._newest = max(self._newest, event.t)
-            found += self._release() + self._follow(robot, event.t)
+            found += self._release()
+            if not np.isfinite(event.t):
+                return found
+            found += self._follow(robot, event.t)
             if self.model.p_detect > 0.0 and not self._queue:
                 for name, message, at in self._unseen.told(robot, event.t - PATIENCE):
                     found += self._estimates(name, [self.robots[name].take(message, at)])
@@ -140,8 +141,9 @@ class Team:
         return found
 
     def _ready(self, seer: str, z: Detection) -> bool:
-        known = all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen))
-        return known or self._newest - z.t > PATIENCE
+        if all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen)):
+            return True
+        return max(one.wheels_until for one in self.robots.values()) - z.t > PATIENCE
 
     def _unusable(self, seer: str, z: Detection) -> str:
         """Why a detection can be of no use, or nothing."""
@@ -199,7 +201,7 @@ class Team:
         if any(z.t < localizer.done for localizer in both.values()):
             return "late detection"
         last = self._last.get(frozenset(both))
-        if last is not None and not self.policy.due(z.t - last.t, self._moved(at)):
+        if last is not None and not self.policy.due(abs(z.t - last.t), self._moved(at)):
             return "detection of the same robots again"
         if not any(localizer.placed for localizer in both.values()):
             return "detection between robots that have no place yet"
@@ -213,10 +215,11 @@ class Team:
         if (
             not localizer.placed
             or self._queue
-            or not t > max(self._followed.get(robot, -np.inf), localizer.done)
+            or not t > localizer.done
+            or 0.0 <= t - self._followed.get(robot, -np.inf) < LOOKS
         ):
             return []
-        self._followed[robot] = t + 0.2
+        self._followed[robot] = t
         at = localizer.wheels_at(t)
         if at is None:
             return []
