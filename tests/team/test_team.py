@@ -10,11 +10,12 @@ import pytest
 from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
-from mcloc.events import Detection, Odometry, Scan
+from mcloc.events import Detection, Odometry, Scan, Sightings
 from mcloc.filters.catalog import FILTERS, Composition
 from mcloc.filters.recovery import Evidence
 from mcloc.geometry import between, compose
 from mcloc.localizer import Localizer
+from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.teammates import Teammates
 from mcloc.particles import Particles
@@ -270,6 +271,22 @@ def test_a_robot_follows_its_wheels_where_nothing_is_measured():
     assert len(stamps) >= 10  # each 0.5 m or 0.5 rad
     assert np.hypot(*(found[-1][1].pose - START["a"])[:2]) < 0.3
     assert np.trace(found[-1][1].covariance[:2, :2]) > 1.5 * before
+
+
+def test_a_landmark_that_is_seen_after_a_long_time_is_not_too_late():
+    """Its stamp leaps, so it waits for the next one; the wheels' step comes after it."""
+    landmarks = Landmarks.numbered([[4.0, 4.0], [6.0, 2.0]])
+    a = member("a", aids=(landmarks,))
+    team = Team({"a": a, "b": member("b")}, MODEL)
+    for k in range(400):
+        t, turned = 0.1 * k, np.angle(np.exp(0.01j * k))
+        drive(team, "a", [t], [0.0, 0.0, turned])
+        if k in (3, 330, 380):
+            dx, dy = landmarks.places[0] - START["a"][:2]
+            seen = [math.hypot(dx, dy)], [math.atan2(dy, dx) - turned]
+            team.process("a", Sightings(t, [0], *seen))
+    team.finish()
+    assert not a.ignored
 
 
 def test_a_robot_without_a_place_follows_nothing():

@@ -16,8 +16,9 @@ from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
 from mcloc.maps.teammates import Teammates
-from mcloc.sensors.messages import silence, tree_of
+from mcloc.sensors.messages import tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
+from mcloc.team.following import followed
 from mcloc.team.policy import TeamPolicy, Used, farther
 from mcloc.team.unseen import Unseen
 
@@ -28,7 +29,6 @@ SEEN, SEER, UNSEEN = (
 )  # parts of the random numbers, for the beliefs that are pushed
 PATIENCE = 1.0  # s that a detection waits for the wheels of both robots
 LOOKS = 0.2  # s between two looks whether the wheels have moved far
-WHEELS = "wheels"  # the source of messages that say nothing
 
 
 class Queued(NamedTuple):
@@ -220,13 +220,7 @@ class Team:
         ):
             return []
         self._followed[robot] = t
-        at = localizer.wheels_at(t)
-        if at is None:
-            return []
-        moved = localizer.moved_since_step(at)
-        if moved is not None and max(np.hypot(*moved[:2]), abs(moved[2])) < self.policy.coast:
-            return []
-        return self._estimates(robot, [localizer.take(silence(t, WHEELS), at)])
+        return self._estimates(robot, followed(localizer, t, self.policy.coast))
 
     def _estimates(
         self, robot: str, estimates: list[Estimate] | list[Estimate | None]
