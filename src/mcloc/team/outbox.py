@@ -17,6 +17,9 @@ class Carrier(Protocol):
     def arrived(self) -> list[Arrival]:
         """What has come since it was last asked."""
 
+    def wait(self, seconds: float) -> None:
+        """Until something comes, or for so long."""
+
     def dropped(self) -> int:
         """How many messages came faster than they were asked for, and were left out."""
 

@@ -6,6 +6,7 @@ and nobody is searched for by multicast. Peers tell each other of the peers that
 
 import json
 import socket
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -46,7 +47,7 @@ class Peers:
         self.listening = [_with_port(endpoint) for endpoint in listen]
         self._name, self._clock = check_name(name), clock
         self._waiting: deque[Arrival] = deque()
-        self._dropped = 0
+        self._dropped, self._news = 0, threading.Event()
         self._keys = f"{_ROOT}/{check_name(team)}"
         zenoh = _zenoh()
         settings = {
@@ -89,6 +90,11 @@ class Peers:
             found.append(self._waiting.popleft())
         return found
 
+    def wait(self, seconds: float) -> None:
+        """Until something comes, or for so long."""
+        if not self._waiting and self._news.wait(seconds):
+            self._news.clear()
+
     def dropped(self) -> int:
         """How many messages came faster than they were asked for, and were left out."""
         return self._dropped
@@ -108,6 +114,7 @@ class Peers:
             return
         data = sample.payload.to_bytes()[: MOST_BYTES + 1]
         self._waiting.append(Arrival(data, sender, clock, now))
+        self._news.set()
 
 
 def _zenoh() -> Any:
