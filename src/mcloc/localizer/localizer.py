@@ -312,7 +312,9 @@ class Localizer:
             self.ignored[f"{z.called} while the filter was busy"] += 1
             due = False
         if due:
-            news = 1.0 if moved is None or not z.repeats else self.policy.novelty(moved)
+            news = z.novelty
+            if moved is not None and z.repeats:
+                news = self.policy.novelty(moved)
             self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)

@@ -35,19 +35,20 @@ class MessageModel(Configurable):
     """Messages of other robots, each with a density tree of places or of poses.
 
     What a tree is wrong by, and the detection behind it, is in its ε and p_even. A false detection
-    says nothing: log p is relative to it. Raises ConfigError for trees of other axes than the
-    states have.
+    says nothing: log p is relative to it. What is no news counts less: it is tempered by the
+    message's novelty, as scans from one place are. Raises ConfigError for trees of other axes than
+    the states have.
     """
 
     teammates: Teammates
 
     def log_likelihood(self, x: States, z: Message) -> LogWeights:
-        """(n,): log p(z | x) / p_even, 0 where z says nothing."""
+        """(n,): log of p(z | x) / p_even to the power of the novelty, 0 where z says nothing."""
         if not z.useful:
             return np.zeros(x.shape[1])
         told = self.log_told(x, z) + math.log1p(-z.p_false) - math.log(z.even)
         false = math.log(z.p_false) if z.p_false > 0.0 else -math.inf
-        log_p: LogWeights = np.logaddexp(told, false)
+        log_p: LogWeights = z.novelty * np.logaddexp(told, false)
         return log_p
 
     def log_told(self, x: States, z: Message) -> LogWeights:
@@ -60,8 +61,8 @@ class MessageModel(Configurable):
         return tree_of(z).log_density(x[: len(z.low)])
 
     def readings(self, z: Message) -> float:
-        """One."""
-        return 1.0
+        """One, as far as it is news."""
+        return z.novelty
 
     def beams(self, z: Message) -> int:
         """One."""
