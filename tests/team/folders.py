@@ -1,4 +1,4 @@
-"""MRCLAM folders of a few robots that drive circles among landmarks, and see them and each other."""
+"""MRCLAM folders: robots drive circles among landmarks, and see them and each other."""
 
 import numpy as np
 
@@ -61,4 +61,6 @@ def sighting(at, place):
 
 
 def lines(path, rows):
-    path.write_text("".join(" ".join(f"{v:.6f}".rstrip("0").rstrip(".") for v in row) + "\n" for row in rows))
+    path.write_text(
+        "".join(" ".join(f"{v:.6f}".rstrip("0").rstrip(".") for v in row) + "\n" for row in rows)
+    )

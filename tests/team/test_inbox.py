@@ -88,7 +88,7 @@ class Sender:
 
 
 def notice(seen="b", t=5.0):
-    return Notice(Detection(t, seen, 3.0, 0.4), math.inf, TREE)
+    return Notice(Detection(t, seen, 3.0, 0.4), -math.inf, math.inf, TREE)
 
 
 def from_a(ether, said=None):
@@ -106,7 +106,9 @@ def test_a_notice_and_its_reply_pass(two):
     from_a(two)
     ((sent, said),) = two.flush()["b"]
     assert (sent.sender, said.z.seen, said.z.t) == ("a", "b", 5.0)
-    two.outboxes["b"].to_one("a", sent.session, Reply("a", sent.session, sent.number, 5.0, RING))
+    two.outboxes["b"].to_one(
+        "a", sent.session, Reply("a", sent.session, sent.number, 5.0, 1.0, RING)
+    )
     ((_, reply),) = two.flush()["a"]
     assert (reply.number, reply.session) == (sent.number, two.session("a"))
     assert not two.inboxes["a"].dropped
@@ -199,7 +201,7 @@ def test_a_reply_to_an_earlier_session_is_left_out(two):
     two.t += 30.0
     two.start("a")
     two.meet()
-    two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, RING))
+    two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, 1.0, RING))
     assert two.flush()["a"] == [None]
     assert two.inboxes["a"].dropped == {"about an earlier session": 1}
 
@@ -339,7 +341,7 @@ def test_what_a_peer_says_to_have_sent_is_believed_within_bounds(two):
 SAYINGS = st.sampled_from(
     [
         notice(),
-        Reply("b", 1, 1, 5.0, RING),
+        Reply("b", 1, 1, 5.0, 1.0, RING),
         Refusal("b", 1, 1, 5.0, "late"),
         Farewell(),
         Heartbeat(1.0, 2.0),

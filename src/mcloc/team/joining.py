@@ -9,7 +9,7 @@ Eng. 1979]. Who is gone, or does not go on, is not waited for.
 import math
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mcloc.events import Detection, Event

@@ -11,23 +11,22 @@ Both push what they believed before.
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mcloc.density_tree import DensityTree
 from mcloc.events import Detection, Event, Odometry
-from mcloc.geometry import Pose, between
+from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
 from mcloc.sensors.messages import silence
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.inbox import Peer
 from mcloc.team.post import Due, Post
 from mcloc.team.team import PATIENCE, SEEN, SEER, WHEELS, TeamPolicy
-from mcloc.team.wire import Notice, Refusal, Reply
+from mcloc.team.wire import WHY, Notice, Refusal, Reply
 
-AGAIN = "of the same robots again"
-NOWHERE = "between robots that have no place yet"
+LATE, AGAIN, WITHOUT_WHEELS, NOWHERE = WHY
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,7 @@ class Member:
         self.ignored: Counter[str] = Counter()
         self.found: list[Estimate] = []
         self.withheld: list[tuple[float, Pose]] = []
-        self._last: dict[str, Used] = {}
+        self._last: dict[tuple[str, int], Used] = {}
         self._asking: Detection | None = None
         self._followed = -math.inf  # s, when it was looked whether to follow the wheels
 
@@ -87,7 +86,8 @@ class Member:
             said = self._answered(due)
             self.post.answer(due.sent, said)
             if isinstance(said, Reply):
-                self._use(due.notice.z, due.sent.sender, due.notice.tree)
+                z, other = due.notice.z, (due.sent.sender, due.sent.session)
+                self._use(z, other, said.moved, due.notice.tree)
 
     def _see(self, z: Detection) -> str:
         """Tell the other robot, and take in what it tells; why that came to nothing, if it did."""
@@ -97,15 +97,16 @@ class Member:
             return reason
         at = self._at(z.t)
         if at is None:
-            return "without odometry"
+            return WITHOUT_WHEELS
         if z.t < self.localizer.done:
-            return "late"
+            return LATE
         tree = None
         if self.localizer.placed:
             belief = self.localizer.predicted(at)
             tree = to_seen(belief, z, self.model, self.localizer.draws(SEEN))
+        other = peer.name, peer.session
+        notice = Notice(z, *self._since(other, at), tree)
         self._asking = z
-        notice = Notice(z, self._moved(z.seen, z.t, at), tree)
         answer = self.post.ask(peer, notice, meanwhile=lambda: self.answer_due(z.t))
         self._asking = None
         match answer:
@@ -114,43 +115,54 @@ class Member:
             case Refusal():
                 return answer.why
             case Reply():
-                self._use(z, z.seen, answer.tree)
+                self._use(z, other, answer.moved, answer.tree)
         return ""
 
     def _answered(self, due: Due) -> Reply | Refusal:
         """What is answered to a notice, by what is believed before it."""
         z, seer = due.notice.z, due.sent.sender
-
-        def refusal(why: str) -> Refusal:
-            return Refusal(seer, due.sent.session, due.sent.number, z.t, why)
-
+        about = seer, due.sent.session, due.sent.number, z.t
         asking = self._asking
         if asking is not None and asking.seen == seer and self.post.name < seer:
-            return refusal(AGAIN)  # both saw each other, and this one's notice is to be used
+            return Refusal(*about, AGAIN)  # each saw the other: this one's notice is used
         at = self._at(z.t)
         if at is None:
-            return refusal("without odometry")
+            return Refusal(*about, WITHOUT_WHEELS)
         if z.t < self.localizer.done:
-            return refusal("late")
-        if max(due.notice.moved, self._moved(seer, z.t, at)) < self.policy.distance:
-            return refusal(AGAIN)
+            return Refusal(*about, LATE)
+        last, moved = self._since((seer, due.sent.session), at)
+        last, moved = max(last, due.notice.last), _farther(moved, due.notice.moved)
+        if not self.policy.due(z.t - last, moved):
+            return Refusal(*about, AGAIN)
         tree = None
         if self.localizer.placed:
             belief = self.localizer.predicted(at)
             tree = to_seer(belief, z, self.model, self.localizer.draws(SEER))
         elif due.notice.tree is None:
-            return refusal(NOWHERE)
-        return Reply(seer, due.sent.session, due.sent.number, z.t, tree)
+            return Refusal(*about, NOWHERE)
+        return Reply(*about, moved, tree)
 
-    def _use(self, z: Detection, other: str, tree: DensityTree | None) -> None:
-        """Take in what the other one told."""
+    def _use(
+        self, z: Detection, other: tuple[str, int], moved: float, tree: DensityTree | None
+    ) -> None:
+        """Take in what the other one told, and remember when that was."""
         at = self._at(z.t)
         assert at is not None  # else the sighting was refused
         self.used += 1
         self._last[other] = Used(z.t, at)
         if tree is not None:
-            told = message(z, tree, self.model, f"robot {other}")
+            told = message(z, tree, self.model, f"robot {other[0]}")
+            told = replace(told, novelty=self.policy.novelty(moved))
             self._note([self.localizer.take(told, at)])
+
+    def _since(self, other: tuple[str, int], at: Pose) -> tuple[float, float]:
+        """s and m: when a sighting of the two was last used, and how far the wheels have come
+        since; −∞ and ∞ if none was.
+        """
+        last = self._last.get(other)
+        if last is None:
+            return -math.inf, math.inf
+        return last.t, float(np.hypot(*(at - last.at)[:2]))
 
     def _unusable(self, z: Detection) -> str:
         """Why a detection can be of no use, or nothing."""
@@ -176,13 +188,6 @@ class Member:
         self._note(self.localizer.catch_up(t))
         return self.localizer.wheels_at(t)
 
-    def _moved(self, other: str, t: float, at: Pose) -> float:
-        """m, since the last sighting that was used; ∞ where its window is over."""
-        last = self._last.get(other)
-        if last is None or abs(t - last.t) >= self.policy.window:
-            return math.inf
-        return float(np.hypot(*between(last.at, at)[:2]))
-
     def _follow(self, t: float) -> None:
         """A step by the wheels alone up to t, where the robot has moved far since the last one."""
         localizer = self.localizer
@@ -202,3 +207,11 @@ class Member:
         self.found += [estimate for estimate in estimates if estimate is not None]
         self.withheld += self.localizer.withheld
         self.localizer.withheld = []
+
+
+def _farther(a: float, b: float) -> float:
+    """The larger of two distances. One that is not known, of a robot that missed what the other one
+    used, does not count.
+    """
+    known = [moved for moved in (a, b) if math.isfinite(moved)]
+    return max(known, default=math.inf)

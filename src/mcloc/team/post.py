@@ -8,7 +8,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mcloc.team.inbox import Inbox, Letter, Peer
+from mcloc.team.inbox import Inbox, Peer
 from mcloc.team.outbox import Carrier, Outbox
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.wire import Farewell, Heartbeat, Notice, Refusal, Reply, Sent
@@ -77,15 +77,17 @@ class Post:
             if letter is not None:
                 self._sort(*letter)
         while self.inbox.repeated:
-            sender, session, number = again = self.inbox.repeated.popleft()
+            again = self.inbox.repeated.popleft()
             if again in self._answers:
-                self._outbox.once_more(sender, self._answers[again])
+                self._outbox.once_more(again[0], self._answers[again])
 
     def live(self) -> list[Peer]:
         """The peers that are heard of."""
         return self.inbox.live(self.now())
 
-    def ask(self, peer: Peer, notice: Notice, meanwhile: Callable[[], None]) -> Reply | Refusal | None:
+    def ask(
+        self, peer: Peer, notice: Notice, meanwhile: Callable[[], None]
+    ) -> Reply | Refusal | None:
         """Tell a peer of a sighting, as often as it takes; what it answers, None where it does not.
         meanwhile: is called again and again.
         """
