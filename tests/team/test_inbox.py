@@ -33,7 +33,7 @@ class Ether:
     def start(self, name):
         session = int(self.clock(name) * 1e9)
         self.inboxes[name] = Inbox(name, session, POLICY)
-        self.outboxes[name] = Outbox(name, session, lambda: self.clock(name), Sender(self, name))
+        self.outboxes[name] = Outbox(name, session, Sender(self, name))
 
     def clock(self, name):
         return self.t + self.ahead[name]
@@ -73,6 +73,9 @@ class Ether:
 class Sender:
     def __init__(self, ether, name):
         self.ether, self.name = ether, name
+
+    def clock(self):
+        return self.ether.clock(self.name)
 
     def send(self, data, to):
         self.ether.sent.append((data, self.name, to))

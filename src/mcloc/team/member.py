@@ -42,8 +42,8 @@ class Member:
 
     more_wheels: the robot's next odometry, out of turn, or None where there is none yet. used:
     sightings by it and of it that were used. ignored: those by it that were not, by reason. found,
-    withheld: estimates, and stamps and wheels' poses where the filter withheld one, since somebody
-    last took them away.
+    withheld: estimates, and stamps and wheels' poses where the filter withheld one, that nobody has
+    taken yet.
     """
 
     def __init__(
@@ -74,6 +74,11 @@ class Member:
         self._note(self.localizer.process(event))
         if isinstance(event, Odometry):
             self._follow(event.t - PATIENCE)
+
+    def taken(self) -> tuple[list[Estimate], list[tuple[float, Pose]]]:
+        """What was found and withheld since this was last asked."""
+        taken, self.found, self.withheld = (self.found, self.withheld), [], []
+        return taken
 
     def finish(self) -> None:
         """What still waits, with the last odometry there is."""

@@ -31,8 +31,7 @@ class Post:
     """Of the robot `name`, by a carrier.
 
     position, until: s, as of a Heartbeat. due: notices in the order of their stamps. sizes: bytes
-    of each message that told of a sighting. clock, now: s, the robot's clock, and one that is never
-    set.
+    of each message that told of a sighting. now: s, a clock that is never set.
     """
 
     def __init__(
@@ -40,17 +39,16 @@ class Post:
         name: str,
         carrier: Carrier,
         policy: PeerPolicy,
-        clock: Callable[[], float] = time.time,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        session = int(clock() * 1e9)
-        self.name, self.policy, self.clock, self.now = name, policy, clock, now
+        session = int(carrier.clock() * 1e9)
+        self.name, self.policy, self.now = name, policy, now
         self.inbox = Inbox(name, session, policy)
         self.position, self.until = -math.inf, math.nan
         self.due: list[Due] = []
         self.sizes: list[int] = []
         self._carrier = carrier
-        self._outbox = Outbox(name, session, clock, carrier)
+        self._outbox = Outbox(name, session, carrier)
         self._asked: int | None = None
         self._answer: Reply | Refusal | None = None
         self._answers: OrderedDict[tuple[str, int, int], bytes] = OrderedDict()
@@ -80,6 +78,10 @@ class Post:
             again = self.inbox.repeated.popleft()
             if again in self._answers:
                 self._outbox.once_more(again[0], self._answers[again])
+
+    def clock(self) -> float:
+        """s: the robot's clock."""
+        return self._carrier.clock()
 
     def live(self) -> list[Peer]:
         """The peers that are heard of."""
