@@ -245,9 +245,20 @@ def join(
         of_run = {part: of for part, of in assigned.items() if part not in _of_member()}
         execute(
             Job(
-                config, None, flags, particles, of_run, out, plot,
-                gif=False, record=False, json=json, every=None, resume=False, make=joined,
-            )  # fmt: skip
+                config,
+                None,
+                flags,
+                particles,
+                of_run,
+                out,
+                plot,
+                gif=False,
+                record=False,
+                json=json,
+                every=None,
+                resume=False,
+                make=joined,
+            )
         )
 
 

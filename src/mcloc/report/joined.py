@@ -1,14 +1,14 @@
-"""A robot of a team, in a process of its own: its log, beside those of others in other processes."""
+"""A robot of a team, in a process of its own: its log beside those of others."""
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mcloc.config import RunConfig
-from mcloc.errors import LogError
+from mcloc.errors import ConfigError, LogError
 from mcloc.events import Detection, Event, Odometry
 from mcloc.io.detections import among, read_detections
 from mcloc.io.mrclam import Mrclam, is_mrclam
@@ -17,7 +17,7 @@ from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.teammates import Teammates
 from mcloc.registry import Configurable, Value
 from mcloc.report.run import Run
-from mcloc.report.team import OF_TEAM, of_team, usual_detection
+from mcloc.report.team import OF_TEAM, TOLD_SIGMA, made, told_start_of, usual_detection
 from mcloc.team.joining import Joining
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
@@ -58,10 +58,9 @@ class JoinedRun(Run):
         self.joined = joined
         super().__init__(_started(config, joined))
         usual = usual_detection(self.config) if is_mrclam(config.log) else {}
-        model, policy, peers = (
-            of_team(part, kind, joined.settings.get(part, {}), usual if part == "detection" else {})
-            for part, kind in OF_MEMBER.items()
-        )
+        of = joined.settings
+        model = made("detection", OF_MEMBER["detection"], of, usual)
+        policy, peers = (made(part, OF_MEMBER[part], of) for part in ("team", "peers"))
         ahead = LookAhead(self._team_events())
         post = Post(joined.name, carrier, peers)
         self.member = Member(self.localizer, post, model, policy, ahead.pop_wheels)
@@ -121,12 +120,22 @@ class JoinedRun(Run):
 
     def _team_events(self) -> Iterator[Event | Detection]:
         """Those of the log between `start` and `end`, with the robots that were seen."""
-        detections: list[Detection] | None = None
-        if self.joined.detections is not None:
-            detections = read_detections(self.joined.detections)
         if is_mrclam(self.config.log):
             log = Mrclam(self.config.log, self.config.robot)
-            mount = np.array(self.config.mount or np.zeros(3), dtype=np.float64)
-            events = log.team_events(mount, self.joined.landmarks)
-            return self._within(events)
-        return self._within(among(self.log, detections or []))
+            mount = np.array(self.config.mount or (0.0, 0.0, 0.0))
+            return self._within(log.team_events(mount, self.joined.landmarks))
+        seen = self.joined.detections
+        return self._within(among(self.log, [] if seen is None else read_detections(seen)))
+
+
+def _started(config: RunConfig, joined: Joined) -> RunConfig:
+    """With the start that is told, if one is."""
+    if not joined.told_start:
+        return config
+    if not is_mrclam(config.log):
+        raise ConfigError(
+            "--told-start: the truth about the start is that of an MRCLAM folder; give --initial"
+        )
+    log = Mrclam(config.log, config.robot)
+    x, y, theta = told_start_of(log, log.truth).tolist()
+    return replace(config, initial=(x, y, theta), initial_sigma=TOLD_SIGMA)

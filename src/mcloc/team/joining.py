@@ -18,8 +18,6 @@ from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
 from mcloc.team.post import WAIT, Post
 
-LOST_SIGHT = "gone"
-
 
 @contextmanager
 def pulse(post: Post) -> Iterator[None]:
@@ -66,6 +64,8 @@ class Joining:
                     continue
                 self._be(self._ahead.until)
                 self._hold(event.t)
+                if self._ahead.next is not event:
+                    continue  # an answer took it out of turn
                 self._ahead.pop()
                 self.member.process(event)
                 if math.isfinite(event.t):
