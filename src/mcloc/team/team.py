@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mcloc.density_tree import DensityTree
 from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
@@ -17,7 +18,7 @@ from mcloc.localizer import Estimate, Localizer
 from mcloc.localizer.policy import LEAST_NOVELTY
 from mcloc.maps.teammates import Teammates
 from mcloc.registry import Configurable, param
-from mcloc.sensors.messages import silence
+from mcloc.sensors.messages import silence, tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 
 SEEN, SEER = 4 << 16, 5 << 16  # parts of the random numbers, for the beliefs that are pushed
@@ -66,11 +67,11 @@ class Queued(NamedTuple):
 
 
 class Told(NamedTuple):
-    """A message that was taken in: at t (s), by whom, and of how many bytes."""
+    """A message that was taken in at t (s), by whom; tree: of where it is."""
 
     t: float
     robot: str
-    nodes: int
+    tree: DensityTree
 
 
 class Used(NamedTuple):
@@ -202,7 +203,7 @@ class Team:
         for name, told in messages.items():
             told = replace(told, novelty=news)
             found += self._estimates(name, [both[name].take(told, known[name])])
-            self.told.append(Told(z.t, name, len(told.axis)))
+            self.told.append(Told(z.t, name, tree_of(told)))
         self._last[frozenset(both)] = Used(z.t, known)
         self.used += 1
         return found
