@@ -12,7 +12,8 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from mcloc.events import Detection, Event
+from mcloc.events import Detection, Event, Odometry
+from mcloc.geometry import between
 from mcloc.team.inbox import Peer
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
@@ -40,7 +41,8 @@ def pulse(post: Post) -> Iterator[None]:
 
 
 class Joining:
-    """A member that replays a log. skipped: events before it joined. not_awaited: how often a robot
+    """A member that replays a log. skipped: events before the time at which it joined.
+    not_awaited: how often a robot
     that did not go on was no longer waited for, by name.
     """
 
@@ -57,11 +59,8 @@ class Joining:
         with pulse(self.post):
             self._wait_for(peers)
             self._join()
+            self._skip()
             while (event := self._ahead.next) is not None:
-                if event.t < self._joined_at:
-                    self._ahead.pop()
-                    self.skipped += 1
-                    continue
                 self._be(self._ahead.until)
                 self._hold(event.t)
                 if self._ahead.next is not event:
@@ -99,6 +98,20 @@ class Joining:
             if all(peer.echoed >= asked for peer in self._others()):
                 break
         self._joined_at = max((peer.position for peer in self._others()), default=-math.inf)
+
+    def _skip(self) -> None:
+        """Leave out what was before the others' time. A robot that has moved meanwhile does not
+        know any more where it is.
+        """
+        wheels = []
+        while (event := self._ahead.next) is not None and event.t < self._joined_at:
+            self._ahead.pop()
+            self.skipped += 1
+            if isinstance(event, Odometry):
+                wheels.append(event.pose)
+        localizer = self.member.localizer
+        if wheels and localizer.policy.due(between(wheels[0], wheels[-1])):
+            localizer.start_globally()
 
     def _hold(self, t: float) -> None:
         """Until nobody may tell of a sighting before t any more; what is due is answered."""
