@@ -346,14 +346,15 @@ def test_who_has_no_place_is_told_and_tells_nothing(folder, acquainted):
     for event in stop_and_go(10):
         one.process(event)
         two.process(event)
+    one.taken()
     one.process(Detection(1009.2, "2", 2.0, 0.3))
     assert one.used == 1
-    assert one.found == []
+    assert not one.found
     end = time.monotonic() + LONG
     while not two.found:
         assert time.monotonic() < end
         time.sleep(0.01)
-    assert two.found[0].measurement.source == "robot 1"
+    assert two.taken()[0][0].measurement.source == "robot 1"
 
 
 def test_what_this_robot_is_too_late_for_it_does_not_tell(folder, acquainted):
