@@ -260,8 +260,11 @@ def test_clocks_are_not_blamed_for_delays():
 def test_a_clock_is_compared_before_it_is_trusted():
     ether = Ether(a=0.0, b=0.0)
     from_a(ether)
+    (data, *_) = ether.sent[0]
     assert ether.flush()["b"] == [None]
     assert ether.inboxes["b"].dropped == {"of a clock not compared yet": 1}
+    ether.meet()
+    assert ether.deliver(data, "a", "b") is not None  # when it is sent again
 
 
 def test_a_clock_that_is_set_right_is_trusted_again():

@@ -136,6 +136,8 @@ class Inbox:
             raise MessageError("of another robot of this name")
         peer = self._peer(sent, arrival.now)
         alone = not isinstance(said, Heartbeat | Farewell)
+        if alone and not peer.offset.known:  # it may come again: its number is not noted yet
+            raise MessageError("of a clock not compared yet")
         fault = (peer.to_one if alone else peer.to_all).fault(sent.number)
         if fault:
             if alone:
@@ -198,8 +200,6 @@ class Inbox:
         where = peer.offset.beyond(self.policy.clock_bound)
         if where:
             raise MessageError(f"of a clock too far {where}")
-        if not peer.offset.known:
-            raise MessageError("of a clock not compared yet")
         asked = said.z.seen if isinstance(said, Notice) else said.seer
         if asked != self.name:
             raise MessageError("for another robot")

@@ -84,7 +84,7 @@ class Joining:
     def _wait_for(self, peers: int) -> None:
         """Until so many others are there."""
         end = self.post.now() + self.post.policy.patience
-        while len(self._others()) < peers and self.post.now() < end:
+        while len(self.post.live()) < peers and self.post.now() < end:
             self.post.serve(wait=WAIT)
 
     def _join(self) -> None:

@@ -109,8 +109,7 @@ class Member:
         if self.localizer.placed:
             belief = self.localizer.predicted(at)
             tree = to_seen(belief, z, self.model, self.localizer.draws(SEEN))
-        other = peer.name, peer.session
-        notice = Notice(z, *self._since(other, at), tree)
+        notice = Notice(z, *self._since((peer.name, peer.session), at), tree)
         self._asking = z
         answer = self.post.ask(peer, notice, meanwhile=lambda: self.answer_due(z.t))
         self._asking = None
@@ -120,6 +119,7 @@ class Member:
             case Refusal():
                 return answer.why
             case Reply():
+                other = peer.name, peer.session  # maybe of a process that was started meanwhile
                 self._use(z, other, answer.moved, answer.tree)
         return ""
 

@@ -49,7 +49,7 @@ class Post:
         self.sizes: list[int] = []
         self._carrier = carrier
         self._outbox = Outbox(name, session, carrier)
-        self._asked: int | None = None
+        self._asked: tuple[str, int] | None = None
         self._answer: Reply | Refusal | None = None
         self._answers: OrderedDict[tuple[str, int, int], bytes] = OrderedDict()
         self._left_out: Counter[str] = Counter()
@@ -93,7 +93,8 @@ class Post:
         """Tell a peer of a sighting, as often as it takes; what it answers, None where it does not.
         meanwhile: is called again and again.
         """
-        self._asked, data = self._outbox.to_one(peer.name, peer.session, notice)
+        number, data = self._outbox.to_one(peer.name, peer.session, notice)
+        self._asked = peer.name, number
         self._answer, began = None, self.now()
         self.sizes.append(len(data))
         told = began
@@ -131,7 +132,7 @@ class Post:
                 self._left_out["too many notices at once"] += 1
             else:
                 insort(self.due, Due(said.z.t, sent, said), key=lambda due: due.t)
-        elif said.number == self._asked:
+        elif (sent.sender, said.number) == self._asked:
             self._answer = said
         else:
             self._left_out["answer that came too late"] += 1
