@@ -15,7 +15,8 @@ from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.teammates import Teammates
 from mcloc.simulation import ranges
 from mcloc.team.detection import DetectionModel
-from mcloc.team.team import Team, TeamPolicy
+from mcloc.team.policy import TeamPolicy
+from mcloc.team.team import Team
 
 MODEL = DetectionModel(sigma_range=0.2, sigma_bearing=0.1)
 START = {"a": np.array([2.0, 2.0, 0.0]), "b": np.array([4.0, 2.5, 1.0])}

@@ -38,7 +38,8 @@ class DetectionModel(Configurable):
 
     The defaults are those of the cameras with lasers of [Fox01 §19.4.2]: a mean error of 48.26 cm,
     which is σ √(2/π), one of 2.2° in bearing, 6.9 % false detections. σ_d² = σ_range² + (σ_relative
-    d)². A detection that is false is of any range and bearing, and so says nothing.
+    d)². A detection that is false is of any range and bearing, and so says nothing. p_detect and
+    fov are for robots that are not seen.
     """
 
     sigma_range: float = param(0.605, "m", "deviation of a range to 0 m", above=0, high=100)
@@ -50,6 +51,16 @@ class DetectionModel(Configurable):
     range_max: float = param(8.0, "m", "longest range that is measured", above=0, high=1e5)
     p_false: float = param(
         0.069, "", "ε: chance that there is no robot where one is seen", above=0, high=0.99
+    )
+    p_detect: float = param(
+        0.0,
+        "",
+        "chance that a robot in view is seen; 0: that none is seen says nothing",
+        low=0,
+        high=0.99,
+    )
+    fov: float = param(
+        2.0 * math.pi, "rad", "angle of view, half to each side", above=0, high=2.0 * math.pi
     )
     particles: int = param(
         5000, "", "poses that a belief is taken by when it is told", low=100, high=1e6
