@@ -17,8 +17,9 @@ from mcloc.team.joining import Joining
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
 from mcloc.team.peer_policy import PeerPolicy
+from mcloc.team.policy import TeamPolicy
 from mcloc.team.post import Post
-from mcloc.team.team import Team, TeamPolicy
+from mcloc.team.team import Team
 
 FILTER = Composition(filter="mcl", size="fixed", settings={"size": {"particles": 500}})
 MODEL = DetectionModel(sigma_range=0.1, sigma_bearing=0.03, range_max=6.0, particles=1000)

@@ -60,6 +60,11 @@ class JoinedRun(Run):
         usual = usual_detection(self.config) if is_mrclam(config.log) else {}
         of = joined.settings
         model = made("detection", OF_MEMBER["detection"], of, usual)
+        if model.p_detect > 0.0:
+            raise ConfigError(
+                "detection.p_detect: robots in processes of their own tell each other of those "
+                "that they see, not of those that they do not; leave it 0"
+            )
         policy, peers = (made(part, OF_MEMBER[part], of) for part in ("team", "peers"))
         ahead = LookAhead(self._team_events())
         post = Post(joined.name, carrier, peers)

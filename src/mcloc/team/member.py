@@ -22,8 +22,9 @@ from mcloc.localizer import Estimate, Localizer
 from mcloc.sensors.messages import silence
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.inbox import Peer
+from mcloc.team.policy import TeamPolicy
 from mcloc.team.post import Due, Post
-from mcloc.team.team import PATIENCE, SEEN, SEER, WHEELS, TeamPolicy
+from mcloc.team.team import PATIENCE, SEEN, SEER, WHEELS
 from mcloc.team.wire import WHY, Notice, Refusal, Reply
 
 LATE, AGAIN, WITHOUT_WHEELS, NOWHERE = WHY
