@@ -2,19 +2,24 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mcloc.density import Gaussian
+from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Detection, Odometry, Scan
 from mcloc.filters.catalog import FILTERS, Composition
+from mcloc.filters.recovery import Evidence
 from mcloc.geometry import between, compose
 from mcloc.localizer import Localizer
 from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.teammates import Teammates
+from mcloc.particles import Particles
 from mcloc.simulation import ranges
-from mcloc.team.detection import DetectionModel
+from mcloc.team.detection import DetectionModel, message, to_seen
 from mcloc.team.policy import TeamPolicy
 from mcloc.team.team import Team
 
@@ -178,6 +183,28 @@ def test_sensors_may_differ():
     assert team.used == 2  # at the first stamp, and after the window
     assert np.hypot(*(team.robots["a"].hypotheses[0].mean - pose)[:2]) < 0.2
     assert np.hypot(*(team.robots["b"].hypotheses[0].mean - true)[:2]) < 0.5
+
+
+@pytest.mark.parametrize("filter", ["mixture", "mixture-balanced", "mcl", "sensor-resetting"])
+def test_who_is_lost_by_its_own_sensors_looks_where_it_is_told_and_nobody_else(filter):
+    """No message asks for that by itself, however little it fits."""
+    built = Composition(filter).build(floor(), Teammates())
+    believed = Gaussian(START["a"], np.diag([0.01, 0.01, 0.01]))
+    there = np.array([6.0, 6.0, 0.0])
+    teller, z = Particles.equal(there[:, None]), Detection(0.0, "me", 1.0, 0.0)
+    told = message(z, to_seen(teller, z, MODEL, Draws(1)), MODEL, "robot a")
+    lost, sure = {"laser": Evidence(0.1, 1.0, 100.0)}, {"laser": Evidence(1.0, 1.0, 100.0)}
+    found = []
+    for evidence in (lost, sure):
+        bel = replace(built.start(believed, Draws(2)), evidence=evidence)
+        for step in range(1, 4):
+            bel, info = built.step(bel, np.zeros(3), told, Draws(2, step))
+        assert info.doubt == 0.0
+        assert bel.evidence == evidence  # messages are no evidence of the robot's own sensors
+        near = np.hypot(*(bel.particles.states[:2] - [[7.0], [6.0]])) < 1.0
+        found.append(bel.particles.weights[near].sum())
+    assert found[1] == 0.0
+    assert (found[0] > 0.05) == (filter != "sensor-resetting")
 
 
 # When

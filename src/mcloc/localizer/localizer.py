@@ -305,16 +305,14 @@ class Localizer:
         self._done = z.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(z.source)
-        moved = None if last is None else between(last, at)
+        moved = None if last is None or not z.repeats else between(last, at)
         doubtful = self.update is not None and self.update.info.doubt > 0.0
         due = moved is None or self._forced or not z.repeats or self.policy.due(moved, doubtful)
         if due and z.t < self._busy_until:
             self.ignored[f"{z.called} while the filter was busy"] += 1
             due = False
         if due:
-            news = z.novelty
-            if moved is not None and z.repeats:
-                news = self.policy.novelty(moved)
+            news = z.novelty if moved is None else self.policy.novelty(moved)
             self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)
