@@ -36,7 +36,7 @@ SCENARIOS |= {
     "clock": {"faults": {"2": {"ahead": 0.2}}},
     "wrong_clock": {"faults": {"2": {"ahead": 3.0}}},
     "rubbish": {},
-    "crash": {"faults": {"2": {"dies_after": 5}}, "settings": {"peers": {"silence": 1.0}}},
+    "crash": {"faults": {"2": {"dies_after": 5}}, "settings": {"peers": {"silence": 3.0}}},
     "rejoin": {"faults": {"2": {"dies_after": 5}}},
 }
 

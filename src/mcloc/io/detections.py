@@ -38,9 +38,7 @@ def read_detections(path: str | Path) -> list[Detection]:
     return sorted(found, key=lambda z: z.t)
 
 
-def among(
-    events: Iterable[Event], detections: Iterable[Detection]
-) -> Iterator[Event | Detection]:
+def among(events: Iterable[Event], detections: Iterable[Detection]) -> Iterator[Event | Detection]:
     """The events of a log with the detections in their places: before the first event that is not
     earlier.
     """
