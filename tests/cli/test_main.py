@@ -50,11 +50,11 @@ def test_each_command_has_help(command: str, mcloc: Mcloc) -> None:
 def test_models_lists_every_parameter(mcloc: Mcloc) -> None:
     from mcloc.config import CHOICES
     from mcloc.registry import parameters
-    from mcloc.report.team import OF_TEAM
+    from mcloc.report.joined import OF_MEMBER
 
     listed = json.loads(mcloc("models", "--json").stdout)
-    assert set(listed) == {*CHOICES, "update", "detection", "team"}
-    for kind, part in OF_TEAM.items():
+    assert set(listed) == {*CHOICES, "update", "detection", "team", "peers"}
+    for kind, part in OF_MEMBER.items():
         for field in parameters(part):
             entry = listed[kind][kind]["parameters"][field.name]
             assert entry["default"] == field.default

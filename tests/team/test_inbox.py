@@ -33,7 +33,7 @@ class Ether:
     def start(self, name):
         session = int(self.clock(name) * 1e9)
         self.inboxes[name] = Inbox(name, session, POLICY)
-        self.outboxes[name] = Outbox(name, session, lambda: self.clock(name), Sender(self, name))
+        self.outboxes[name] = Outbox(name, session, Sender(self, name))
 
     def clock(self, name):
         return self.t + self.ahead[name]
@@ -74,6 +74,9 @@ class Sender:
     def __init__(self, ether, name):
         self.ether, self.name = ether, name
 
+    def clock(self):
+        return self.ether.clock(self.name)
+
     def send(self, data, to):
         self.ether.sent.append((data, self.name, to))
 
@@ -88,7 +91,7 @@ class Sender:
 
 
 def notice(seen="b", t=5.0):
-    return Notice(Detection(t, seen, 3.0, 0.4), math.inf, TREE)
+    return Notice(Detection(t, seen, 3.0, 0.4), -math.inf, math.inf, TREE)
 
 
 def from_a(ether, said=None):
@@ -106,7 +109,9 @@ def test_a_notice_and_its_reply_pass(two):
     from_a(two)
     ((sent, said),) = two.flush()["b"]
     assert (sent.sender, said.z.seen, said.z.t) == ("a", "b", 5.0)
-    two.outboxes["b"].to_one("a", sent.session, Reply("a", sent.session, sent.number, 5.0, RING))
+    two.outboxes["b"].to_one(
+        "a", sent.session, Reply("a", sent.session, sent.number, 5.0, 1.0, RING)
+    )
     ((_, reply),) = two.flush()["a"]
     assert (reply.number, reply.session) == (sent.number, two.session("a"))
     assert not two.inboxes["a"].dropped
@@ -199,7 +204,7 @@ def test_a_reply_to_an_earlier_session_is_left_out(two):
     two.t += 30.0
     two.start("a")
     two.meet()
-    two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, RING))
+    two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, 1.0, RING))
     assert two.flush()["a"] == [None]
     assert two.inboxes["a"].dropped == {"about an earlier session": 1}
 
@@ -255,8 +260,11 @@ def test_clocks_are_not_blamed_for_delays():
 def test_a_clock_is_compared_before_it_is_trusted():
     ether = Ether(a=0.0, b=0.0)
     from_a(ether)
+    (data, *_) = ether.sent[0]
     assert ether.flush()["b"] == [None]
     assert ether.inboxes["b"].dropped == {"of a clock not compared yet": 1}
+    ether.meet()
+    assert ether.deliver(data, "a", "b") is not None  # when it is sent again
 
 
 def test_a_clock_that_is_set_right_is_trusted_again():
@@ -339,7 +347,7 @@ def test_what_a_peer_says_to_have_sent_is_believed_within_bounds(two):
 SAYINGS = st.sampled_from(
     [
         notice(),
-        Reply("b", 1, 1, 5.0, RING),
+        Reply("b", 1, 1, 5.0, 1.0, RING),
         Refusal("b", 1, 1, 5.0, "late"),
         Farewell(),
         Heartbeat(1.0, 2.0),

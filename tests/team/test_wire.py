@@ -36,8 +36,8 @@ from mcloc.team.wire import (
 
 SENT = Sent("räuber-1", 7, 42, 1.7e9)
 Z = Detection(12.5, "r2", 3.25, -0.4, mount=np.array([0.25, 0.0, 0.5]))
-NOTICE = Notice(Z, 1.5, place(200))
-REPLY = Reply("r2", 2**64 - 1, 2**64 - 1, 12.5, ring(200))
+NOTICE = Notice(Z, -math.inf, 1.5, place(200))
+REPLY = Reply("r2", 2**64 - 1, 2**64 - 1, 12.5, 2.5, ring(200))
 BEAT = Heartbeat(12.0, 13.0, (Heard("r2", 3, 5.0, 0.25, 9), Heard("r3", 4, 6.0, 0.5, 0)))
 REFUSAL = Refusal("r2", 3, 4, 12.5, "late")
 SAYINGS = [BEAT, Heartbeat(12.0, float("inf")), Farewell(), NOTICE, REPLY, REFUSAL]
@@ -78,12 +78,14 @@ def test_a_notice_and_a_reply_come_back_with_their_trees():
     sent, notice = decoded(encoded(SENT, NOTICE))
     assert sent == SENT
     z = notice.z
-    assert (z.t, z.seen, z.range, z.bearing, notice.moved) == (12.5, "r2", 3.25, -0.4, 1.5)
+    assert (z.t, z.seen, z.range, z.bearing) == (12.5, "r2", 3.25, -0.4)
+    assert (notice.last, notice.moved) == (-math.inf, 1.5)
     assert np.isnan(z.heading)
     assert z.mount.tolist() == [0.25, 0.0, 0.5]
     same_tree(NOTICE.tree, notice.tree)
     _, reply = decoded(encoded(SENT, REPLY))
-    assert (reply.seer, reply.session, reply.number, reply.t) == ("r2", *2 * (2**64 - 1,), 12.5)
+    assert (reply.seer, reply.session, reply.number) == ("r2", *2 * (2**64 - 1,))
+    assert (reply.t, reply.moved) == (12.5, 2.5)
     same_tree(REPLY.tree, reply.tree)
 
 
@@ -106,7 +108,7 @@ def test_no_message_is_longer_than_it_may_be():
     heard = tuple(Heard(name, 1, 2.0, 3.0, 4) for _ in range(wire.MOST_HEARD))
     sizes = [
         len(encoded(Sent(name, 1, 2, 3.0), said))
-        for said in (Reply(name, 1, 2, 3.0, large), Heartbeat(0.0, 0.0, heard))
+        for said in (Reply(name, 1, 2, 3.0, 4.0, large), Heartbeat(0.0, 0.0, heard))
     ]
     assert max(sizes) <= wire.MOST_BYTES < 4500
     assert all(refusal(b"x" * n) for n in (wire.MOST_BYTES, wire.MOST_BYTES + 1, 100_000))
@@ -121,8 +123,8 @@ TREE_AT = len(MESSAGES[3]) - len(packed(NOTICE.tree))
 LEAVES = (len(NOTICE.tree.child) + 1) // 2
 
 
-def notice(moved=0.0, **changed):
-    return Notice(replace(Z, **changed), moved, NOTICE.tree)
+def notice(last=1.0, moved=0.0, **changed):
+    return Notice(replace(Z, **changed), last, moved, NOTICE.tree)
 
 
 def with_tree(change):
@@ -172,7 +174,8 @@ WRONG = {
     "tree of the wrong length": with_tree(cut),
     "tree of another space": with_tree(put(0, "<B", 3)),
     "tree of too many leaves, or none": with_tree(put(1, "<H", 65535)),
-    "mount or distance that cannot be": encoded(SENT, notice(moved=np.nan)),
+    "distance that cannot be": encoded(SENT, notice(moved=np.nan)),
+    "mount that cannot be": encoded(SENT, notice(mount=np.array([0.0, np.inf, 0.0]))),
     "refused for no known reason": sealed(MESSAGES[5][:-1] + b"\x09"),
     "floor of a tree not in [0, 1)": with_tree(put(3, "<d", 1.0)),
     "mass of a leaf NaN, infinite or negative": with_tree(masses(np.nan)),

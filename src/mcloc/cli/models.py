@@ -27,7 +27,7 @@ def _models() -> dict[str, Any]:
     """{kind: {name: {"doc", "default": whether it is the one used, "parameters"}}}."""
     from mcloc.config import CHOICES, RunConfig
     from mcloc.localizer import UpdatePolicy
-    from mcloc.report.team import OF_TEAM
+    from mcloc.report.joined import OF_MEMBER
 
     models = {
         kind: {
@@ -36,7 +36,7 @@ def _models() -> dict[str, Any]:
         }
         for kind, registry in CHOICES.items()
     }
-    single = {"update": UpdatePolicy, **OF_TEAM}
+    single = {"update": UpdatePolicy, **OF_MEMBER}
     models.update({kind: {kind: _model(part, default=True)} for kind, part in single.items()})
     return models
 

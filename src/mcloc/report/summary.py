@@ -66,6 +66,7 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "withheld": history.share_withheld,
         "beacons": found_out(run),
         "accuracy": None if accuracy is None else accuracy.to_dict(),
+        **run.more(),
     }
     return {key: known(value) for key, value in summary.items()}
 

@@ -13,6 +13,7 @@ from mcloc.config import RunConfig
 from mcloc.config.run_config import typed
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Detection, Event, Odometry
+from mcloc.geometry import Pose
 from mcloc.io.mrclam import Mrclam, is_mrclam, robots_in
 from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
@@ -70,9 +71,7 @@ class TeamConfig:
 
     def of_team(self, part: str, **usual: Value) -> Any:
         """The detection model or the policy. usual: what is other than its defaults."""
-        kind = OF_TEAM[part]
-        with named(part):
-            return kind(**{**usual, **typed(part, kind, self.settings.get(part, {}))})
+        return made(part, OF_TEAM[part], self.settings, usual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +106,7 @@ class TeamRun:
             member = Member(log, robot in seeing, log.truth)
             localizers[str(robot)] = _localizer(run, member, config.told_start)
             self.members[str(robot)] = member
-        camera = run.settings["sightings"]
-        usual = {name: camera[name] for name in _CAMERA}
-        usual["p_false"] = 1.0 - (1.0 - float(camera["p_outlier"])) ** 2
-        model = config.of_team("detection", **usual)
+        model = config.of_team("detection", **usual_detection(run))
         self.team = Team(localizers, model, config.of_team("team"))
         if config.threads is not None:
             set_threads(config.threads)
@@ -161,6 +157,36 @@ class TeamRun:
         return {key: known(value) for key, value in told.items()}
 
 
+def made(
+    part: str,
+    kind: type[Configurable],
+    settings: Mapping[str, Mapping[str, Value]],
+    usual: Mapping[str, Value] | None = None,
+) -> Any:
+    """A part of that kind by its settings. usual: what is other than its defaults."""
+    with named(part):
+        return kind(**{**(usual or {}), **typed(part, kind, settings.get(part, {}))})
+
+
+def usual_detection(run: RunConfig) -> dict[str, Value]:
+    """How well robots see each other with the camera that sees landmarks."""
+    camera = run.settings["sightings"]
+    usual = {name: camera[name] for name in _CAMERA}
+    return {**usual, "p_false": 1.0 - (1.0 - float(camera["p_outlier"])) ** 2}
+
+
+def told_start_of(log: Mrclam, truth: Trajectory | None) -> Pose:
+    """(3,): where a robot is at its first odometry, by the truth. Raises ConfigError without."""
+    if truth is None:
+        raise ConfigError(
+            f"{log.folder}: nobody knows where robot {log.robot} starts: there is no "
+            f"Robot{log.robot}_Groundtruth.dat"
+        )
+    first = next((e.t for e in log.odometry() if math.isfinite(e.t)), 0.0)
+    start: Pose = truth.at(np.array([first]))[0]
+    return start
+
+
 def _robots(config: TeamConfig) -> list[int]:
     """Those of the folder. Raises ConfigError where there are none, or others are asked for."""
     if not is_mrclam(config.data):
@@ -185,15 +211,7 @@ def _localizer(run: RunConfig, member: Member, told_start: bool) -> Localizer:
         landmarks.places, float(run.settings["sightings"]["range_max"]), landmarks.name
     )
     aids = (landmarks, Teammates()) if member.sees_landmarks else (Teammates(),)
-    initial = None
-    if told_start:
-        if member.truth is None:
-            raise ConfigError(
-                f"{run.log}: nobody knows where robot {run.robot} starts: there is no "
-                f"Robot{run.robot}_Groundtruth.dat"
-            )
-        first = next((e.t for e in member.log.odometry() if math.isfinite(e.t)), 0.0)
-        initial = member.truth.at(np.array([first]))[0]
+    initial = told_start_of(member.log, member.truth) if told_start else None
     return Localizer(
         grid,
         run.composition,

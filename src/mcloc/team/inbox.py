@@ -5,7 +5,7 @@ memory is bounded, nothing is executed, and nothing raises.
 """
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -48,8 +48,9 @@ class Arrival:
 class Peer:
     """Another robot, as far as it is heard. heard: `now` when it last was. position, until: as of
     its last heartbeat; since: `now` when that last said that it went on. beat: that heartbeat's
-    number, its clock, and `now` when it came. told: messages that it says to have sent to this
-    robot alone. lost: those that did not come, of earlier sessions.
+    number, its clock, and `now` when it came. echoed: s, what this robot's clock was when it sent
+    the last heartbeat that the peer says to have heard. told: messages that it says to have sent to
+    this robot alone. lost: those that did not come, of earlier sessions.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Peer:
     offset: ClockOffset = field(default_factory=ClockOffset)
     to_all: Numbering = field(default_factory=Numbering)
     to_one: Numbering = field(default_factory=Numbering)
+    echoed: float = -math.inf
     told: int = 0
     lost: int = 0
     sessions: int = 1
@@ -72,7 +74,7 @@ class Peer:
         self.lost, self.sessions = self.missing, self.sessions + 1
         self.session, self.heard, self.left = session, now, False
         self.position, self.until, self.since = -math.inf, math.nan, now
-        self.beat, self.offset, self.told = None, ClockOffset(), 0
+        self.beat, self.echoed, self.offset, self.told = None, -math.inf, ClockOffset(), 0
         self.to_all, self.to_one = Numbering(), Numbering()
 
     @property
@@ -85,13 +87,14 @@ class Inbox:
     """Judges what comes for the robot `name`, in its session.
 
     peers: by name, also those that are gone, at most MOST_HEARD. dropped: how many messages were
-    left out, by reason.
+    left out, by reason. repeated: sender, session and number of the last duplicates of letters.
     """
 
     def __init__(self, name: str, session: int, policy: PeerPolicy) -> None:
         self.name, self.session, self.policy = name, session, policy
         self.peers: dict[str, Peer] = {}
         self.dropped: Counter[str] = Counter()
+        self.repeated: deque[tuple[str, int, int]] = deque(maxlen=MOST_HEARD)
 
     def take(self, arrival: Arrival) -> Letter | None:
         """What may be used; None for what only says that a robot is there, and for what is left out
@@ -133,8 +136,12 @@ class Inbox:
             raise MessageError("of another robot of this name")
         peer = self._peer(sent, arrival.now)
         alone = not isinstance(said, Heartbeat | Farewell)
+        if alone and not peer.offset.known:  # it may come again: its number is not noted yet
+            raise MessageError("of a clock not compared yet")
         fault = (peer.to_one if alone else peer.to_all).fault(sent.number)
         if fault:
+            if alone:
+                self.repeated.append((sent.sender, sent.session, sent.number))
             raise MessageError(fault)
         if peer.left:
             raise MessageError("after its farewell")
@@ -177,6 +184,7 @@ class Inbox:
             if h.peer == self.name and h.session == self.session and h.since >= 0.0:
                 high = sent.clock - h.clock - h.since
                 peer.told = max(peer.told, min(h.told, peer.to_one.came + MOST_AHEAD))
+                peer.echoed = max(peer.echoed, h.clock)
         peer.offset.note(sent.clock - arrival.clock, high, arrival.now)
 
     def _beaten(self, peer: Peer, sent: Sent, said: Heartbeat, arrival: Arrival) -> None:
@@ -192,8 +200,6 @@ class Inbox:
         where = peer.offset.beyond(self.policy.clock_bound)
         if where:
             raise MessageError(f"of a clock too far {where}")
-        if not peer.offset.known:
-            raise MessageError("of a clock not compared yet")
         asked = said.z.seen if isinstance(said, Notice) else said.seer
         if asked != self.name:
             raise MessageError("for another robot")

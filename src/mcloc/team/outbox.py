@@ -1,7 +1,6 @@
 """What a robot tells others: numbered, with its clock, and to whom."""
 
 import threading
-from collections.abc import Callable
 from typing import Protocol
 
 from mcloc.team.inbox import Arrival
@@ -11,11 +10,17 @@ from mcloc.team.wire import Said, Sent, encoded
 class Carrier(Protocol):
     """Carries bytes between robots. They may be lost, come late, twice or in another order."""
 
+    def clock(self) -> float:
+        """s: this robot's clock, by which its messages and their arrivals are told."""
+
     def send(self, data: bytes, to: str | None) -> None:
         """To the robot of this name, or to all; it never waits for them."""
 
     def arrived(self) -> list[Arrival]:
         """What has come since it was last asked."""
+
+    def wait(self, seconds: float) -> None:
+        """Until something comes, or for so long."""
 
     def dropped(self) -> int:
         """How many messages came faster than they were asked for, and were left out."""
@@ -25,12 +30,10 @@ class Carrier(Protocol):
 
 
 class Outbox:
-    """Of the robot `name`, in its session. clock: s, its own. Threads may share it."""
+    """Of the robot `name`, in its session. Threads may share it."""
 
-    def __init__(
-        self, name: str, session: int, clock: Callable[[], float], carrier: Carrier
-    ) -> None:
-        self._name, self._session, self._clock, self._carrier = name, session, clock, carrier
+    def __init__(self, name: str, session: int, carrier: Carrier) -> None:
+        self._name, self._session, self._carrier = name, session, carrier
         self._next: dict[str | None, int] = {}
         self._told: dict[tuple[str, int], int] = {}
         self._lock = threading.Lock()
@@ -59,4 +62,4 @@ class Outbox:
     def _numbered(self, said: Said, to: str | None) -> tuple[int, bytes]:
         number = self._next.get(to, 0)
         self._next[to] = number + 1
-        return number, encoded(Sent(self._name, self._session, number, self._clock()), said)
+        return number, encoded(Sent(self._name, self._session, number, self._carrier.clock()), said)

@@ -16,6 +16,6 @@ class PeerPolicy(Configurable):
     patience: float = param(
         20.0, "s", "how long to wait for others to come, or for one that does not go on", low=0
     )
-    reply_wait: float = param(5.0, "s", "how long to wait for a reply", low=0)
+    reply_wait: float = param(10.0, "s", "how long to wait for a reply", low=0)
     again: float = param(1.0, "s", "a message without a reply is sent again after", above=0)
     heartbeat: float = param(0.25, "s", "between two heartbeats", above=0)

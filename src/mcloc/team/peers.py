@@ -6,9 +6,10 @@ and nobody is searched for by multicast. Peers tell each other of the peers that
 
 import json
 import socket
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mcloc.errors import ConfigError
@@ -29,7 +30,7 @@ class Peers:
     """The connection of the robot `name` to its team. listening: the endpoints, with their ports.
 
     listen, connect: endpoints such as tcp/192.168.1.5:7447; port 0 is a free one. search: look for
-    others by multicast, too. clock: s, the robot's. Raises ConfigError where Zenoh is not installed
+    others by multicast, too. Raises ConfigError where Zenoh is not installed
     or an endpoint cannot be used, MessageError for a name that no robot can have.
     """
 
@@ -41,12 +42,11 @@ class Peers:
         listen: Sequence[str] = (LOOPBACK,),
         connect: Sequence[str] = (),
         search: bool = False,
-        clock: Callable[[], float] = time.time,
     ) -> None:
         self.listening = [_with_port(endpoint) for endpoint in listen]
-        self._name, self._clock = check_name(name), clock
+        self._name = check_name(name)
         self._waiting: deque[Arrival] = deque()
-        self._dropped = 0
+        self._dropped, self._news = 0, threading.Event()
         self._keys = f"{_ROOT}/{check_name(team)}"
         zenoh = _zenoh()
         settings = {
@@ -77,6 +77,10 @@ class Peers:
             for key in (f"{ALL}/*", f"{ONE}/{name}/*")
         ]
 
+    def clock(self) -> float:
+        """s: the computer's clock."""
+        return time.time()
+
     def send(self, data: bytes, to: str | None) -> None:
         """To the robot of this name, or to all; it never waits for them."""
         key = f"{ALL}/{self._name}" if to is None else f"{ONE}/{to}/{self._name}"
@@ -89,6 +93,11 @@ class Peers:
             found.append(self._waiting.popleft())
         return found
 
+    def wait(self, seconds: float) -> None:
+        """Until something comes, or for so long."""
+        if not self._waiting and self._news.wait(seconds):
+            self._news.clear()
+
     def dropped(self) -> int:
         """How many messages came faster than they were asked for, and were left out."""
         return self._dropped
@@ -99,7 +108,7 @@ class Peers:
 
     def _come(self, sample: "zenoh.Sample") -> None:
         """In a thread of Zenoh's. A message that is too long is cut: it will be found to be."""
-        clock, now = self._clock(), time.monotonic()
+        clock, now = self.clock(), time.monotonic()
         sender = str(sample.key_expr).rpartition("/")[2]
         if sender == self._name:
             return
@@ -108,6 +117,7 @@ class Peers:
             return
         data = sample.payload.to_bytes()[: MOST_BYTES + 1]
         self._waiting.append(Arrival(data, sender, clock, now))
+        self._news.set()
 
 
 def _zenoh() -> Any:

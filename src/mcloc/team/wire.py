@@ -32,9 +32,10 @@ MOST_HEARD = 64  # peers that a heartbeat tells of
 _FRAME = struct.Struct("<4sBBII")
 _SENT = struct.Struct("<QQd")
 _HEARD = struct.Struct("<QddQ")
-_SEEN = struct.Struct("<d3d3dd")
+_SEEN = struct.Struct("<d3d3d2d")
 _ANSWER = struct.Struct("<QQd")
 _BEAT = struct.Struct("<ddB")
+_MOVED = struct.Struct("<d")
 _WHY = struct.Struct("<B")
 _LATEST = 1e12  # s, stamps and clocks
 _TURN = math.pi + 1e-6  # rad
@@ -47,7 +48,10 @@ MOST_BYTES = (
     + MOST_NAME
     + _SENT.size
     + max(
-        1 + MOST_NAME + max(_SEEN.size, _ANSWER.size) + most_bytes(SE2.dimension, MOST_LEAVES),
+        1
+        + MOST_NAME
+        + max(_SEEN.size, _ANSWER.size + _MOVED.size)
+        + most_bytes(SE2.dimension, MOST_LEAVES),
         _BEAT.size + MOST_HEARD * (1 + MOST_NAME + _HEARD.size),
     )
 )
@@ -100,12 +104,14 @@ class Farewell:
 
 @dataclass(frozen=True, eq=False)
 class Notice:
-    """The sender saw a robot: z, of which `seen` names that one. moved: m, how far the sender has
-    come since such a sighting was last used; ∞ if none was. tree: where the seen one is by the
-    sender's belief, x, y or x, y, θ; None where it has no place itself.
+    """The sender saw a robot: z, of which `seen` names that one. last: s, the stamp of the last
+    sighting of the two that was used, −∞ if none was. moved: m, how far the sender has come since;
+    ∞ if none was. tree: where the seen one is by the sender's belief, x, y or x, y, θ; None where
+    it has no place itself.
     """
 
     z: Detection
+    last: float
     moved: float
     tree: DensityTree | None
 
@@ -113,14 +119,16 @@ class Notice:
 @dataclass(frozen=True, eq=False)
 class Reply:
     """Where the robot is that sent a notice, by the belief of the one that it saw. seer: its name.
-    session, number: of the notice. t: s, of the sighting. tree: over x, y, θ, or x, y; None where
-    it has no place itself.
+    session, number: of the notice. t: s, of the sighting. moved: m, how far the farther one of the
+    two has come since the last one that was used. tree: over x, y, θ, or x, y; None where it has no
+    place itself.
     """
 
     seer: str
     session: int
     number: int
     t: float
+    moved: float
     tree: DensityTree | None
 
 
@@ -140,7 +148,6 @@ WHY = (
     "of the same robots again",
     "without odometry",
     "between robots that have no place yet",
-    "that nobody had time for",
 )
 
 
@@ -169,12 +176,12 @@ def encoded(sent: Sent, said: Said) -> bytes:
             body += _BEAT.pack(position, until, len(heard))
             for h in heard:
                 body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
-        case Notice(z, moved, tree):
-            measured = z.t, z.range, z.bearing, z.heading, *z.mount, moved
+        case Notice(z, last, moved, tree):
+            measured = z.t, z.range, z.bearing, z.heading, *z.mount, last, moved
             body += _name(z.seen) + _SEEN.pack(*measured) + _packed(tree)
         case Reply():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
-            body += _packed(said.tree)
+            body += _MOVED.pack(said.moved) + _packed(said.tree)
         case Refusal():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
             body += bytes([WHY.index(said.why)])
@@ -283,20 +290,23 @@ def _heartbeat(read: _Reader) -> Heartbeat:
 
 
 def _notice(read: _Reader) -> Notice:
-    seen, (t, distance, bearing, heading, *mount, moved) = read.name(), read.values(_SEEN)
+    seen, (t, distance, bearing, heading, *mount, last, moved) = read.name(), read.values(_SEEN)
     _check_times(t)
     if not 0.0 < distance < FAR:
         raise MessageError("range that cannot be")
     if abs(bearing) > _TURN or abs(heading) > _TURN:  # either may be NaN
         raise MessageError("angle that cannot be")
-    if not (all(abs(m) < _LARGEST_ROBOT for m in mount) and moved >= 0.0):
-        raise MessageError("mount or distance that cannot be")
+    if not all(abs(m) < _LARGEST_ROBOT for m in mount):
+        raise MessageError("mount that cannot be")
+    if math.isnan(last):
+        raise MessageError("stamp that cannot be")
     z = Detection(t, seen, distance, bearing, heading, np.array(mount))
-    return Notice(z, moved, _unpacked(read.rest()))
+    return Notice(z, last, _distance(moved), _unpacked(read.rest()))
 
 
 def _reply(read: _Reader) -> Reply:
-    return Reply(*_answer(read), _unpacked(read.rest()))
+    answer, (moved,) = _answer(read), read.values(_MOVED)
+    return Reply(*answer, _distance(moved), _unpacked(read.rest()))
 
 
 def _refusal(read: _Reader) -> Refusal:
@@ -304,6 +314,12 @@ def _refusal(read: _Reader) -> Refusal:
     if why >= len(WHY):
         raise MessageError("refused for no known reason")
     return Refusal(*answer, WHY[why])
+
+
+def _distance(moved: float) -> float:
+    if not moved >= 0.0:
+        raise MessageError("distance that cannot be")
+    return moved
 
 
 def _answer(read: _Reader) -> tuple[str, int, int, float]:
