@@ -19,12 +19,12 @@ from mcloc.density_tree import DensityTree
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
-from mcloc.sensors.messages import silence
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
+from mcloc.team.following import followed
 from mcloc.team.inbox import Peer
 from mcloc.team.policy import TeamPolicy
 from mcloc.team.post import Due, Post
-from mcloc.team.team import PATIENCE, SEEN, SEER, WHEELS
+from mcloc.team.team import PATIENCE, SEEN, SEER
 from mcloc.team.wire import WHY, Notice, Refusal, Reply
 
 LATE, AGAIN, WITHOUT_WHEELS, NOWHERE = WHY
@@ -201,13 +201,7 @@ class Member:
         if waits or not localizer.placed or not t > max(self._followed, localizer.done):
             return
         self._followed = t + 0.2
-        at = localizer.wheels_at(t)
-        moved = None if at is None else localizer.moved_since_step(at)
-        if at is None or (
-            moved is not None and max(np.hypot(*moved[:2]), abs(moved[2])) < self.policy.coast
-        ):
-            return
-        self._note([localizer.take(silence(t, WHEELS), at)])
+        self._note(followed(localizer, t, self.policy.coast))
 
     def _note(self, estimates: list[Estimate] | list[Estimate | None]) -> None:
         self.found += [estimate for estimate in estimates if estimate is not None]
