@@ -27,3 +27,7 @@ class FilterError(McLocError):
 
 class StateError(McLocError):
     """A saved state could not be read, or belongs to another map or run."""
+
+
+class MessageError(McLocError):
+    """A message of another robot cannot be right: the few words of it are what is counted."""

@@ -1,5 +1,6 @@
 """What a robot reports: events with stamps, in the robot's own frames."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Protocol
@@ -206,15 +207,78 @@ class Image:
         return bool(np.isfinite(self.pixels).any())
 
 
-Measurement = Scan | Sightings | BeaconRanges | Image
+@dataclass(frozen=True, eq=False, slots=True)
+class Message:
+    """What another robot told of where this one is: a density tree, of places x, y or of poses x,
+    y, θ, map frame.
+
+    t: seconds, of the moment that it is about. low … weight: the tree, as of DensityTree, and
+    floor. p_false: the chance that the detection behind it was none; then each place, or pose, has
+    the density `even` (1/m² or 1/(m² rad)), > 0. odometry, novelty, source: as of a Scan; the
+    source names the other robot. Raises ConfigError for a tree of no such axes.
+    """
+
+    called: ClassVar[str] = "message"
+    empty: ClassVar[str] = "message that says nothing"
+    repeats: ClassVar[bool] = False
+
+    t: float
+    low: NDArray[np.float64]
+    side: NDArray[np.float64]
+    axis: NDArray[np.uint64]
+    split: NDArray[np.float64]
+    child: NDArray[np.uint64]
+    corner: NDArray[np.float64]
+    width: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    floor: float
+    p_false: float
+    even: float
+    source: str
+    odometry: Pose | None = None
+    novelty: float = 1.0
+
+    def __post_init__(self) -> None:
+        if len(self.low) not in (2, 3):
+            raise ConfigError(
+                f"a message is of places x, y or poses x, y, θ, got {len(self.low)} axes"
+            )
+
+    @property
+    def useful(self) -> bool:
+        """Whether anything is told."""
+        return self.p_false < 1.0
+
+
+Measurement = Scan | Sightings | BeaconRanges | Image | Message
 """What a sensor tells. called: its name in messages; empty: that of one that is not `useful`.
 repeats: whether another one from the same place makes the same errors, so that the robot has to
 move before it is news.
 """
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (Scan, Sightings, BeaconRanges, Image)
+MEASUREMENTS: tuple[type[Measurement], ...] = (Scan, Sightings, BeaconRanges, Image, Message)
 
 Event = Odometry | Measurement
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Detection:
+    """Another robot that a robot saw: nothing that one robot could be localized by alone.
+
+    t: seconds. seen: the other one's name. range: metres to its middle. bearing: radians from the
+    sensor's heading, positive to the left; NaN where it was not measured. heading: radians, the
+    other one's heading less the sensor's; NaN where it was not measured. mount: (3,) the sensor's
+    pose in the robot's frame.
+    """
+
+    called: ClassVar[str] = "detection"
+
+    t: float
+    seen: str
+    range: float
+    bearing: float
+    heading: float = math.nan
+    mount: Pose = field(default_factory=lambda: np.zeros(3))
 
 
 def arrays_of(event: Event) -> dict[str, NDArray[np.float64]]:

@@ -40,7 +40,7 @@ def test_version(mcloc: Mcloc) -> None:
     assert mcloc("--version").stdout == f"mcloc {package.__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["run", "eval", "info", "simulate", "models"])
+@pytest.mark.parametrize("command", ["run", "eval", "info", "simulate", "models", "team"])
 def test_each_command_has_help(command: str, mcloc: Mcloc) -> None:
     done = mcloc(command, "--help")
     assert done.code == 0
@@ -50,9 +50,16 @@ def test_each_command_has_help(command: str, mcloc: Mcloc) -> None:
 def test_models_lists_every_parameter(mcloc: Mcloc) -> None:
     from mcloc.config import CHOICES
     from mcloc.registry import parameters
+    from mcloc.report.joined import OF_MEMBER
 
     listed = json.loads(mcloc("models", "--json").stdout)
-    assert set(listed) == {*CHOICES, "update"}
+    assert set(listed) == {*CHOICES, "update", "detection", "team", "peers"}
+    for kind, part in OF_MEMBER.items():
+        for field in parameters(part):
+            entry = listed[kind][kind]["parameters"][field.name]
+            assert entry["default"] == field.default
+            assert entry["doc"]
+            assert entry["limits"]
     shown = mcloc("models").stdout
     for kind, registry in CHOICES.items():
         assert set(listed[kind]) == set(registry)

@@ -14,7 +14,7 @@ from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.environment import FreeSpace
 from mcloc.errors import ConfigError
-from mcloc.events import BeaconRanges, Image, Scan, Sightings
+from mcloc.events import BeaconRanges, Detection, Image, Odometry, Scan, Sightings
 from mcloc.filters.catalog import AIDS, FILTERS, REGISTRIES, Composition
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.particle_filter import ParticleBelief
@@ -27,9 +27,12 @@ from mcloc.maps.beacons import Beacons
 from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.mosaic import Mosaic
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from mcloc.maps.teammates import Teammates
 from mcloc.particles import Particles
 from mcloc.registry import parameters
+from mcloc.sensors.messages import silence
 from mcloc.statespace import SE2
+from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 
 ALL = [(kind, name) for kind, registry in CHOICES.items() for name in registry]
 SETTABLE = [
@@ -73,6 +76,7 @@ BOUND = {
     "sightings": landmarks,
     "camera": lambda: mosaic(),
     "ranging": beacons,
+    "message": Teammates,
 }
 """The maps that parts are built with."""
 
@@ -420,6 +424,7 @@ def measured_of():
         Landmarks: (landmarks(), Sightings(0.0, [0, -1], [2.0, 1.0], [0.3, np.nan])),
         Beacons: (beacons(), BeaconRanges(0.0, np.arange(3), ranges)),
         Mosaic: (mosaic(), Image(0.0, np.nan_to_num(pixels, nan=0.5))),
+        Teammates: (Teammates(), messages()[1]),
     }
 
 
@@ -435,6 +440,91 @@ def test_poses_from_any_aid_have_their_density(aid, name):
     drawn = q.sample(Draws(1, 1), 0, 200)
     parts = [q.sample(Draws(1, 1), a, b - a) for a, b in ((0, 1), (1, 77), (77, 200))]
     assert np.array_equal(drawn, np.concatenate(parts, axis=1))
+
+
+# Messages of other robots
+
+
+def messages():
+    """Of a place, of a pose, and of nothing."""
+    teller = Particles.equal(np.random.default_rng(8).normal([[0.5], [4.0], [0.3]], 0.3, (3, 400)))
+    z, model = Detection(0.0, "me", 1.5, 0.4), DetectionModel(sigma_range=0.2, particles=3000)
+    trees = to_seen(teller, z, model, Draws(1)), to_seer(teller, z, model, Draws(1))
+    return [*(message(z, tree, model, "robot a") for tree in trees), silence(0.0, "wheels")]
+
+
+TOLD = dict(zip(("place", "pose", "nothing"), messages(), strict=True))
+EACH_TOLD = pytest.mark.parametrize("z", TOLD.values(), ids=TOLD)
+
+
+@names("message")
+@EACH_TOLD
+def test_messages_give_a_number_whatever_the_chunk_or_order(name, z, x):
+    model = build("message", name)
+    whole = model.log_likelihood(x, z)
+    assert whole.shape == (200,)
+    assert np.isfinite(whole).all()
+    assert (np.ptp(whole) > 0.0) == z.useful
+    assert model.readings(z) > 0.0
+    assert np.isnan(model.explained(x, z)).all() == (not z.useful)
+    parts = [
+        model.log_likelihood(np.ascontiguousarray(x[:, a:b]), z) for a, b in ((0, 3), (3, 200))
+    ]
+    assert np.array_equal(whole, np.concatenate(parts))
+    order = np.random.default_rng(3).permutation(200)
+    shuffled = model.log_likelihood(np.ascontiguousarray(x[:, order]), z)
+    assert np.array_equal(whole[order], shuffled)
+
+
+@names("message")
+@EACH_TOLD
+def test_poses_from_a_message_have_its_density(name, z):
+    environment = FreeSpace(open_floor(landmarks().places, 3.0, ""))
+    q = AIDS[Teammates].sampler(build("message", name), environment).given(z, Draws(0))
+    assert_its_density(q, environment)
+    drawn = q.sample(Draws(1, 1), 0, 200)
+    parts = [q.sample(Draws(1, 1), a, b - a) for a, b in ((0, 1), (1, 77), (77, 200))]
+    assert np.array_equal(drawn, np.concatenate(parts, axis=1))
+
+
+@names("message")
+@pytest.mark.parametrize("composed", list(FILTERS))
+def test_a_filter_steps_by_messages_and_is_the_same_on_threads(name, composed, set_threads):
+    """The belief is one, and no message makes a filter doubt its wheels or look elsewhere."""
+    found = []
+    for threads in (1, 2):
+        set_threads(threads)
+        settings = {"filter": NEEDED.get(("filter", composed), {})}
+        built = Composition(composed, message=name, settings=settings).build(
+            open_room(), Teammates()
+        )
+        known = Gaussian(np.array([0.5, 3.0, 0.2]), np.diag([0.3, 0.3, 0.1]))
+        bel = built.start(known, Draws(1))
+        alpha = built.step(bel, MOVES[0] * 0.2, silence(0.0, "wheels"), Draws(1, 1))[1].alpha
+        for step, z in enumerate(3 * messages(), start=1):
+            bel, info = built.step(bel, MOVES[0] * 0.2, z, Draws(1, step))
+            assert bel.particles.weights.sum() == pytest.approx(1.0)
+            assert np.isfinite(info.log_evidence)
+            assert info.alpha == alpha
+            assert info.doubt == 0.0
+        found.append((bel.particles.states.tobytes(), bel.particles.log_weights.tobytes()))
+    assert found[0] == found[1]
+
+
+@EACH_TOLD
+def test_a_localizer_with_a_message_that_waits_is_saved(z, tmp_path):
+    localizer = Localizer(open_room(), "mcl", aids=(Teammates(),), seed=1)
+    localizer.process(replace(z, t=1.0))
+    save(localizer, tmp_path / "state.npz")
+    restored = restore(tmp_path / "state.npz", open_room(), (Teammates(),))
+    estimates = []
+    for one in (localizer, restored):
+        one.process(Odometry(0.0, np.zeros(3)))
+        estimates += one.process(Odometry(2.0, np.ones(3))) + one.finish()
+    if z.useful:
+        a, b = estimates
+        assert a.pose.tobytes() == b.pose.tobytes()
+    assert localizer.ignored == restored.ignored
 
 
 # Ranges to beacons

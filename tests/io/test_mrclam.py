@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mcloc.errors import ConfigError, LogError, MapError, McLocError, TruthError
-from mcloc.events import Odometry, Sightings
+from mcloc.events import Detection, Odometry, Sightings
 from mcloc.io.log import read_log
 from mcloc.io.mrclam import Mrclam, is_mrclam, robots_in
 
@@ -72,6 +72,20 @@ def test_sightings_are_grouped_by_stamp_and_name_landmarks(folder: Path) -> None
     landmarks = Mrclam(str(folder), 2).landmarks
     assert landmarks.names == ("6", "7")
     assert landmarks.places.tolist() == [[0.5, -4.25], [1.5, 2.0]]
+
+
+def test_a_team_sees_robots_and_landmarks_where_asked_for(folder: Path) -> None:
+    log = Mrclam(str(folder), 2)
+    events = list(log.team_events(np.zeros(3), landmarks=True))
+    assert [e.t for e in events] == sorted(e.t for e in events)
+    (seen,) = [e for e in events if isinstance(e, Detection)]
+    assert (seen.t, seen.seen, seen.range, seen.bearing) == (10.5, "1", 2.0, 0.2)
+    assert np.isnan(seen.heading)
+    assert sum(isinstance(e, Sightings) for e in events) == 2
+    blind = list(log.team_events(np.array([0.1, 0.0, 0.2]), landmarks=False))
+    assert not any(isinstance(e, Sightings) for e in blind)
+    (seen,) = [e for e in blind if isinstance(e, Detection)]
+    assert seen.mount.tolist() == [0.1, 0.0, 0.2]
 
 
 def test_the_camera_sits_where_it_is_said_to(folder: Path) -> None:

@@ -1,7 +1,7 @@
 """The job of `mcloc run`: make the run; write what it found, also where it breaks off."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """What the command line asks for. every: seconds between two checkpoints, or None."""
+    """What the command line asks for. every: seconds between two checkpoints, or None. make: the
+    run of a config, where it is another one than `Run`.
+    """
 
     config: Path | None
     nav2_params: Path | None
@@ -34,6 +36,7 @@ class Job:
     json: bool
     every: float | None
     resume: bool
+    make: "Callable[[RunConfig], Run] | None" = None
 
 
 def execute(job: Job) -> None:
@@ -122,7 +125,7 @@ def _run(job: Job, entries: dict[str, Any]) -> tuple["Run", float | None]:
     config = RunConfig(**_limited(job, {"map": None, **entries}))
     inputs = config.map, config.log, config.truth, config.beacons, config.beacon_ranges
     check_folder(job.out, (*inputs, config.ceiling, config.images))
-    run = Run(config)
+    run = Run(config) if job.make is None else job.make(config)
     saved.unlink(missing_ok=True)  # it is another run's
     return run, job.every
 

@@ -17,6 +17,8 @@ from mcloc.cli.run import run
 from mcloc.cli.simulate import simulate_drive
 from mcloc.cli.study import studies
 from mcloc.cli.sweep import sweep
+from mcloc.cli.team import teams
+from mcloc.cli.team_join import join
 from mcloc.errors import McLocError
 
 # The class of "no such option" and its like; typer names none, and its home moved between versions.
@@ -71,6 +73,8 @@ app.command("simulate")(simulate_drive)
 app.command("models")(show_models)
 app.command("sweep")(sweep)
 app.add_typer(studies, name="study")
+teams.command("join")(join)
+app.add_typer(teams, name="team")
 app.command("bench", cls=WithLists)(bench)
 
 

@@ -27,6 +27,7 @@ def _models() -> dict[str, Any]:
     """{kind: {name: {"doc", "default": whether it is the one used, "parameters"}}}."""
     from mcloc.config import CHOICES, RunConfig
     from mcloc.localizer import UpdatePolicy
+    from mcloc.report.joined import OF_MEMBER
 
     models = {
         kind: {
@@ -35,7 +36,8 @@ def _models() -> dict[str, Any]:
         }
         for kind, registry in CHOICES.items()
     }
-    models["update"] = {"update": _model(UpdatePolicy, default=True)}
+    single = {"update": UpdatePolicy, **OF_MEMBER}
+    models.update({kind: {kind: _model(part, default=True)} for kind, part in single.items()})
     return models
 
 
@@ -73,9 +75,9 @@ def _print(models: dict[str, Any]) -> None:
     for kind, parts in models.items():
         for name, model in parts.items():
             title = Text.assemble((f"{kind} ", "bold"), (name, "bold cyan"))
-            if kind == "update":
-                title = Text("update", style="bold")
-            if model["default"] and kind != "update":
+            if kind == name:  # there is only this one
+                title = Text(kind, style="bold")
+            elif model["default"]:
                 title.append(" (default)")
             console.print(title, Text(model["doc"], style="dim"), sep="\n")
             if model["parameters"]:

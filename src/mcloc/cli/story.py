@@ -37,11 +37,34 @@ def _lines(summary: dict[str, Any], out: Path, pictures: Iterable[Path]) -> Iter
     for name, beacon in summary.get("beacons", {}).items():
         fits, trust = _percent(beacon["explained"]), _number(beacon["trust"], ".2f")
         yield f"beacon     {name}: {fits} % of its ranges fit, each counts {trust}"
+    if "team" in summary:
+        yield from _team(summary["team"])
     if summary["accuracy"] is not None:
         yield from _accuracy(summary["accuracy"])
     yield f"results    {out}"
     for path in pictures:
         yield f"{_PICTURES.get(path.suffix, 'recording'):10} {path}"
+
+
+def _team(team: dict[str, Any]) -> Iterator[str]:
+    detections, sizes = team["detections"], team["message_bytes"]
+    yield f"team       {detections['used']} detections used, by and of {team['name']}"
+    for reason, count in detections["ignored"].items():
+        yield f"ignored    {count} × {reason}"
+    for reason, count in team["messages"]["dropped"].items():
+        yield f"dropped    {count} × message {reason}"
+    if sizes["max"] is not None:
+        yield f"messages   median {sizes['median']:.0f} bytes, at most {sizes['max']}"
+    for name, peer in team["peers"].items():
+        ahead = _number(peer["clock_ahead_s"], "+.3f")
+        again = "" if peer["starts"] == 1 else f", started {peer['starts']} times"
+        held = "" if not peer["not_awaited"] else ", did not go on and was not waited for"
+        yield f"peer       {name}: its clock is {ahead} s ahead{again}{held}"
+    if team["events_before"]:
+        yield (
+            f"joined     the others' time: {team['events_before']} events before it are left out, "
+            "and the place is searched for if the robot has moved"
+        )
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterator[str]:

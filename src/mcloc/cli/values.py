@@ -52,6 +52,16 @@ def topics(assignments: list[str]) -> dict[str, str | list[str]]:
     return {role: names[0] if len(names) == 1 else names for role, names in found.items()}
 
 
+def robots(option: str, text: str | None) -> tuple[int, ...] | None:
+    """`1,3` as their numbers, `none` as no robot. Raises ConfigError for anything else."""
+    if text is None or text.strip() == "none":
+        return None if text is None else ()
+    words = [word.strip() for word in text.split(",")]
+    if not all(word.isascii() and word.isdigit() for word in words):
+        raise ConfigError(f"{option} takes numbers of robots, such as 1,3, or none; got {text!r}")
+    return tuple(int(word) for word in words)
+
+
 def seconds(option: str, text: str) -> float:
     """`90`, `90s`, `5m` or `1h` in seconds. Raises ConfigError for anything else."""
     number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")

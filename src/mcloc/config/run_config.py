@@ -67,7 +67,7 @@ class RunConfig:
     of the ceiling and of a folder of images of it; those of a bag need no folder. scans: whether
     those of the log are used; its odometry is in any case. derive_sonar: instead of them, a ring of
     so many sonars. seed: None for a fresh one. robot: which one of an MRCLAM folder, None for other
-    logs. threads: None for one a core. filter … camera: names of parts. pace: that of the replay.
+    logs. threads: None for one a core. filter … message: names of parts. pace: that of the replay.
     settings: {part: {parameter: value}} where they differ from the defaults; text is read as what
     the parameter is.
 
@@ -104,6 +104,7 @@ class RunConfig:
     sightings: str = Composition.sightings
     ranging: str = Composition.ranging
     camera: str = Composition.camera
+    message: str = Composition.message
     pace: str = "offline"
     settings: Settings = field(default_factory=dict)
 
@@ -212,15 +213,26 @@ class RunConfig:
 
     def _typed(self, part: str) -> dict[str, Value]:
         """The settings of a part, text turned into what the parameter is."""
-        defaults = _defaults(self._class(part))
-        for name in self.settings.get(part, {}):
-            if name not in defaults:
-                owner = part if part == "update" else f"{part} {getattr(self, part)!r}"
-                raise ConfigError(f"{owner} has no parameter {name!r}; {suggest(name, defaults)}")
-        return {
-            name: _value(f"{part}.{name}", value, type(defaults[name]))
-            for name, value in self.settings.get(part, {}).items()
-        }
+        owner = part if part == "update" else f"{part} {getattr(self, part)!r}"
+        return typed(part, self._class(part), self.settings.get(part, {}), owner)
+
+
+def typed(
+    part: str, kind: type[Any], settings: Mapping[str, Value], owner: str | None = None
+) -> dict[str, Value]:
+    """The settings of a part of that kind, text turned into what each parameter is. owner: the part
+    in messages. Raises ConfigError for parameters that it does not have, or values of a wrong kind.
+    """
+    defaults = _defaults(kind)
+    for name in settings:
+        if name not in defaults:
+            raise ConfigError(
+                f"{owner or part} has no parameter {name!r}; {suggest(name, defaults)}"
+            )
+    return {
+        name: _value(f"{part}.{name}", value, type(defaults[name]))
+        for name, value in settings.items()
+    }
 
 
 def check_mount(mount: Triple) -> None:

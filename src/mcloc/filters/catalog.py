@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from mcloc.environment import ENVIRONMENTS
 from mcloc.errors import ConfigError, MapError
-from mcloc.events import BeaconRanges, Image, Measurement, Scan, Sightings
+from mcloc.events import BeaconRanges, Image, Measurement, Message, Scan, Sightings
 from mcloc.filters.filter import Filter
 from mcloc.filters.grid_proposal import GridProposal
 from mcloc.filters.hierarchical.kind import Hierarchical
@@ -23,13 +23,14 @@ from mcloc.maps.beacons import Beacons
 from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.mosaic import Mosaic
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.maps.teammates import Teammates
 from mcloc.motion import MOTIONS
 from mcloc.proposals.dual import Dual
 from mcloc.proposals.forward import Forward
 from mcloc.proposals.mixture import Mixture
 from mcloc.proposals.predictive import ForwardTree
 from mcloc.proposals.relocating import Relocating
-from mcloc.protocols import Environment, PoseSampler, SensorModel
+from mcloc.protocols import Environment, MotionModel, PoseSampler, SensorModel
 from mcloc.registry import Configurable, Registry, Value, param, suggest
 from mcloc.resampling import RESAMPLERS
 from mcloc.sample_size import SIZES, Fixed
@@ -39,7 +40,8 @@ from mcloc.samplers.beacon_circles import BeaconCircles
 from mcloc.samplers.ceiling_index import CeilingIndex
 from mcloc.samplers.fused import FusedSampler
 from mcloc.samplers.landmark_circles import LandmarkCircles
-from mcloc.sensors import CAMERAS, RANGINGS, SENSORS, SIGHTINGS
+from mcloc.samplers.message_poses import MessagePoses
+from mcloc.sensors import CAMERAS, MESSAGES, RANGINGS, SENSORS, SIGHTINGS
 from mcloc.sensors.fused import Fused
 
 
@@ -156,13 +158,14 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "sightings": SIGHTINGS,
     "ranging": RANGINGS,
     "camera": CAMERAS,
+    "message": MESSAGES,
 }
 
 
 @dataclass(frozen=True)
 class Aid:
-    """What else than walls a place has for sensors to see. kind: of the parts that model these
-    sensors. measures: what these tell. sampler: of poses from it, by such a model and where a
+    """What else than walls a robot can be localized by. kind: of the parts that model what tells of
+    it. measures: what these tell. sampler: of poses from it, by such a model and where a
     robot can be.
     """
 
@@ -175,6 +178,7 @@ AIDS: Mapping[type, Aid] = {
     Landmarks: Aid("sightings", Sightings, LandmarkCircles),
     Mosaic: Aid("camera", Image, CeilingIndex),
     Beacons: Aid("ranging", BeaconRanges, BeaconCircles),
+    Teammates: Aid("message", Message, MessagePoses),
 }
 """By the map of them."""
 
@@ -195,6 +199,7 @@ class Composition:
     sightings: str = "landmarks"
     ranging: str = "beacons"
     camera: str = "ceiling-patch"
+    message: str = "density-tree"
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
     def build(self, grid: OccupancyGrid, *aids: Any) -> Filter[Any]:
@@ -220,6 +225,10 @@ class Composition:
                 sampler=lambda: self._sampler(grid, sensor, environment),
             )
         )
+
+    def motion_model(self) -> MotionModel:
+        """p(x_t | u_t, x_{t−1}) of the filter."""
+        return cast(MotionModel, self._part("motion"))
 
     def _sensor(self, grid: OccupancyGrid, aids: Sequence[Any]) -> SensorModel:
         """The model of scans; with aids, one of all that the place has something for."""

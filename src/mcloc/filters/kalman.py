@@ -17,7 +17,7 @@ from mcloc.density import Gaussian
 from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.estimate import Hypothesis, away
-from mcloc.events import BeaconRanges, Sightings
+from mcloc.events import BeaconRanges, Message, Sightings
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.landmark_ekf import LandmarkEKF
 from mcloc.filters.models import Models
@@ -85,7 +85,8 @@ class KalmanFilter:
         evidence = bel.evidence.get(source, Evidence())
         expected = self._predicted(bel, self.motion, u, draws)
         log_evidence, likelihood = self._evidence(expected, z)
-        doubted = not isinstance(z, BeaconRanges)  # one range that is off is an outlier
+        # One range that is off is an outlier, and what others tell says nothing of the wheels.
+        doubted = not isinstance(z, (BeaconRanges, Message))
         doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
         if doubt > 0.0:
             loose = self._predicted(bel, self.motion.doubted(), u, draws)
@@ -104,6 +105,8 @@ class KalmanFilter:
             weighed=weighed + (2 if doubt > 0.0 else 1) * POINTS,
             doubt=doubt,
         )
+        if isinstance(z, Message):
+            return replace(after, evidence=bel.evidence), info
         return replace(after, evidence={**bel.evidence, source: evidence}), info
 
     def hypotheses(self, bel: GaussianBelief) -> tuple[Hypothesis, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis, away, hypotheses
-from mcloc.events import BeaconRanges
+from mcloc.events import BeaconRanges, Message
 from mcloc.filters.drawing import draw
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.people import NoPeopleFilter
@@ -117,7 +117,11 @@ class ParticleFilter:
         """
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
-        alpha = self.recovery.alpha(evidence)
+        told = isinstance(z, Message)
+        # What others tell is no sign that the robot is lost: it is they who may be. But one that is
+        # lost by its own sensors may well be where they say.
+        judged = bel.evidence.values() if told else (evidence,)
+        alpha = max((self.recovery.alpha(e) for e in judged), default=0.0)
         searching = bel.searching or alpha > self.recovery.alpha(Evidence())
         filtered = 0.0
         if not searching:  # a filter that may be lost must see all that contradicts it
@@ -126,7 +130,7 @@ class ParticleFilter:
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         total, likelihood = self._totals(drawn[0], z, filtered)
         # One range that is off is an outlier more often than a lie of the wheels.
-        doubted = not isinstance(z, BeaconRanges)
+        doubted = not (told or isinstance(z, BeaconRanges))
         doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
@@ -156,7 +160,7 @@ class ParticleFilter:
             sizes=tuple(sizes),
             filtered=filtered,
         )
-        found = {**bel.evidence, source: evidence}
+        found = bel.evidence if told else {**bel.evidence, source: evidence}
         return ParticleBelief(particles, found, searching=searching), info
 
     def hypotheses(self, bel: ParticleBelief) -> tuple[Hypothesis, ...]:

@@ -15,6 +15,7 @@ more than LEAP: in between the robot drives an arc. The first odometry pose is 0
 import heapq
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +26,7 @@ import numpy as np
 
 from mcloc.density import FAR
 from mcloc.errors import ConfigError, LogError, MapError, McLocError, TruthError
-from mcloc.events import Event, Odometry, Sightings
+from mcloc.events import Detection, Event, Odometry, Sightings
 from mcloc.geometry import Pose, wrap
 from mcloc.io.messages import Skipped
 from mcloc.maps.landmarks import Landmarks
@@ -113,9 +114,22 @@ class Mrclam:
         sightings of other robots and of unknown barcodes.
         """
         sightings = self._sightings(mount, skipped)
-        return heapq.merge(self._odometry(skipped), sightings, key=lambda event: event.t)
+        return heapq.merge(self.odometry(skipped), sightings, key=lambda event: event.t)
 
-    def _odometry(self, skipped: Skipped) -> Iterator[Odometry]:
+    def team_events(self, mount: Pose, landmarks: bool) -> Iterator[Event | Detection]:
+        """Odometry, other robots that it saw, which are named by their numbers, and landmarks if
+        they are asked for; in order of time.
+        """
+        uncounted: Skipped = Counter()
+        streams: list[Iterator[Event | Detection]] = [
+            self.odometry(uncounted),
+            self._detections(mount, uncounted),
+        ]
+        if landmarks:
+            streams.append(self._sightings(mount, uncounted))
+        return heapq.merge(*streams, key=lambda event: event.t)
+
+    def odometry(self, skipped: Skipped) -> Iterator[Odometry]:
         """One event for each stamp; of velocities with one stamp the last one holds."""
         pose = x, y, theta = 0.0, 0.0, 0.0
         before, v, omega = math.nan, 0.0, 0.0
@@ -137,6 +151,19 @@ class Mrclam:
             if not t < before:
                 before, (v, omega) = t, velocity
 
+    def _detections(self, mount: Pose, skipped: Skipped) -> Iterator[Detection]:
+        """One event for each robot that was seen at a stamp."""
+        robots = {
+            barcode: f"{subject:g}"
+            for barcode, subject in self._subject_of_barcode.items()
+            if self._is_robot(subject)
+        }
+        name = f"Robot{self.robot}_Measurement.dat"
+        rows = self._rows(name, "t barcode range bearing", LogError)
+        for _, (t, barcode, r, b) in _in_time(rows, "detection", skipped):
+            if barcode in robots:
+                yield Detection(t, robots[barcode], r, b, mount=mount)
+
     def _sightings(self, mount: Pose, skipped: Skipped) -> Iterator[Sightings]:
         """One event for each stamp at which a landmark was seen."""
         name, landmarks = f"Robot{self.robot}_Measurement.dat", self._landmark_of_barcode
@@ -157,18 +184,31 @@ class Mrclam:
     @cached_property
     def _landmark_of_barcode(self) -> Mapping[float, int | str]:
         """{barcode: index of its landmark, or why it is none}."""
-        index = {float(name): k for k, name in enumerate(self.landmarks.names)}
         found: dict[float, int | str] = {}
-        text = self._text(BARCODES, LogError)
+        for barcode, subject in self._subject_of_barcode.items():
+            robot = self._is_robot(subject)
+            other = "another robot" if robot else "a landmark whose place is not known"
+            found[barcode] = self._index.get(subject, f"sighting of {other}")
+        return found
+
+    @cached_property
+    def _subject_of_barcode(self) -> Mapping[float, float]:
+        text, found = self._text(BARCODES, LogError), dict[float, float]()
         for number, (subject, barcode) in self._rows(BARCODES, "subject barcode", LogError):
             if barcode in found:
                 raise text.fault(
                     number, f"barcode {barcode:g} is that of two subjects; leave one of them out"
                 )
-            robot = subject <= ROBOTS
-            other = "another robot" if robot else "a landmark whose place is not known"
-            found[barcode] = index.get(subject, f"sighting of {other}")
+            found[barcode] = subject
         return found
+
+    @cached_property
+    def _index(self) -> Mapping[float, int]:
+        """Of each landmark by its subject."""
+        return {float(name): k for k, name in enumerate(self.landmarks.names)}
+
+    def _is_robot(self, subject: float) -> bool:
+        return subject <= ROBOTS and subject not in self._index
 
     def _text(self, name: str, error: type[McLocError]) -> TextFile:
         return TextFile(str(Path(self.folder) / name), error)

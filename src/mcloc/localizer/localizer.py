@@ -21,17 +21,19 @@ from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
 from mcloc.localizer.given_pose import covariance_of, given_pose
-from mcloc.localizer.leap_guard import LeapGuard
+from mcloc.localizer.leap_guard import LEAP, LeapGuard
 from mcloc.localizer.odometry_buffer import OdometryBuffer
 from mcloc.localizer.pace import Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
 from mcloc.localizer.record import Records, noted, told
 from mcloc.maps.occupancy import OccupancyGrid
+from mcloc.particles import Particles
 from mcloc.protocols import Density
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
 MOST_WAITING = 1000  # measurements without odometry
 NOTHING = 1e-6  # readings: a measurement that is worth no more tells nothing of the place
+PREDICTED = 3 << 16  # part of the random numbers; a filter's are less
 LATENCY = 1.0  # s that a measurement of one sensor waits for those of another
 
 
@@ -50,7 +52,8 @@ class Localizer:
     `ignored`; None loses none. Call `set_pose`, `start_globally`, `force_update` and `swap_map`
     between two events. `belief` makes one to go on with instead of a start: not every filter can
     start from nothing. `withheld` are the measurements of the last event for which the filter told
-    no pose: the stamp of each, and the wheels' pose. `record` is how well each sensor has fitted.
+    no pose: the stamp of each, and the wheels' pose. `record` is how well each sensor has fitted;
+    `told_start`, whether the belief began at a pose that somebody said.
     """
 
     def __init__(
@@ -72,6 +75,7 @@ class Localizer:
         self.policy = policy or UpdatePolicy()
         self.pace = pace or Offline()
         self.filter = self.composition.build(grid, *self.aids)
+        self._motion = self.composition.motion_model()
         self.ignored: Counter[str] = Counter()
         self.withheld: list[tuple[float, Pose]] = []
         self.step = 0  # of the random numbers; each start and each update takes one
@@ -89,6 +93,7 @@ class Localizer:
         self._forced = False
         self._busy_until = -np.inf  # s, in the time of the log
         self._warm = False
+        self.told_start = initial is not None
         if belief is not None:
             self.belief = belief(self.filter)
         elif initial is None:
@@ -138,9 +143,74 @@ class Localizer:
             self._queue(measurement)
         return self._release(final=True)
 
+    def catch_up(self, t: float) -> list[Estimate]:
+        """Process what waits with a stamp up to t and has its odometry, whatever other sensors may
+        still bring.
+        """
+        self.withheld = []
+        held = self._guard.held
+        if held is not None and held.t <= t and self._odometry.reaches(held.t):
+            for measurement in self._guard.rest():  # the wheels' clock has come there, too
+                self._queue(measurement)
+        return self._release(until=t)
+
+    def take(self, z: Measurement, at: Pose) -> Estimate | None:
+        """Take in what was measured when the wheels were at `at` (3,), at once: by somebody who
+        knows that the stamp is right, and that nothing older will come. None where it is too late,
+        which is counted in `ignored`, or while the filter withholds its estimate.
+        """
+        self.withheld = []
+        if z.t < self.done:
+            self.ignored[f"late {z.called}"] += 1
+            return None
+        return self._localize(z, at)
+
+    def predicted(self, at: Pose) -> Particles:
+        """What is believed of the robot when its wheels are at `at` (3,), before anything is
+        measured there: p(x_t | d_{0…t−1}, u_t), map frame.
+        """
+        particles = self.belief.particles
+        u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
+        if not u.any():
+            return particles
+        draws = self.draws(PREDICTED)
+        states = self._motion.sample(particles.states, u, draws, 0)
+        prior = self.filter.environment.log_prior(states)
+        return Particles.normalized(states, particles.log_weights + prior)
+
+    def draws(self, part: int) -> Draws:
+        """The random numbers of a part of the next step that is no part of the filter."""
+        return Draws(self.seed, self.step, part)
+
+    def wheels_at(self, t: float) -> Pose | None:
+        """(3,): their pose at t, odometry frame; None where it is not known."""
+        return self._odometry.at(t)
+
+    @property
+    def wheels_until(self) -> float:
+        """Seconds: the newest stamp of the odometry, −inf before the first one."""
+        return self._odometry.guard.newest
+
     def wheels_reach(self, t: float) -> bool:
         """Whether nothing more will be known of them at t."""
         return self._odometry.reaches(t)
+
+    @property
+    def placed(self) -> bool:
+        """Whether anything is known of the place: a start pose, or something that was measured."""
+        return self.told_start or self.update is not None
+
+    @property
+    def done(self) -> float:
+        """Seconds: what has an earlier stamp comes too late; −inf where the wheels' clock was set
+        back.
+        """
+        set_back = -np.inf < self.wheels_until < self._done - LEAP
+        return -np.inf if set_back else self._done
+
+    def moved_since_step(self, at: Pose) -> Pose | None:
+        """(3,): the move from the filter's last step to `at`; None before the first one."""
+        return None if self._stepped_at is None else between(self._stepped_at, at)
 
     def set_pose(self, pose: ArrayLike, covariance: ArrayLike) -> None:
         """Believe somebody who says where the robot will be at its next scan, which is then used.
@@ -173,6 +243,7 @@ class Localizer:
 
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
+        self.told_start = density is not self.filter.environment
         self.update, self._stepped_at, self._forced = None, None, False
         self._busy_until = -np.inf
         self._used_at.clear()
@@ -197,12 +268,14 @@ class Localizer:
             gone = self._waiting.pop(0)
             self.ignored[f"{gone.called} without odometry"] += 1
 
-    def _release(self, final: bool = False) -> list[Estimate]:
-        """Process the waiting measurements whose odometry is known by now."""
+    def _release(self, final: bool = False, until: float = -np.inf) -> list[Estimate]:
+        """Process the waiting measurements whose odometry is known by now; up to `until` without
+        regard to what other sensors may bring.
+        """
         done = []
         while self._waiting:
             z = self._waiting[0]
-            if not final and not self._ready(z):
+            if not (final or self._ready(z) or (z.t <= until and self._known(z))):
                 break
             self._waiting.pop(0)
             at = z.odometry if z.odometry is not None else self._odometry.at(z.t)
@@ -227,12 +300,16 @@ class Localizer:
 
     def _ready(self, z: Measurement) -> bool:
         """Whether its odometry is known, and no other sensor may still bring something older."""
-        if z.odometry is None and not self._odometry.reaches(z.t):
+        if not self._known(z):
             return False
         newest = max(*self._newest.values(), self._odometry.guard.newest)
         return newest - z.t > LATENCY or not any(
             z.t - LATENCY < t < z.t for t in self._newest.values()
         )
+
+    def _known(self, z: Measurement) -> bool:
+        """Whether its odometry is."""
+        return z.odometry is not None or self._odometry.reaches(z.t)
 
     def _localize(self, z: Measurement, at: Pose) -> Estimate | None:
         """Update if due and free to, and carry the hypotheses along the odometry otherwise. None
@@ -241,14 +318,14 @@ class Localizer:
         self._done = z.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(z.source)
-        moved = None if last is None else between(last, at)
+        moved = None if last is None or not z.repeats else between(last, at)
         doubtful = self.update is not None and self.update.info.doubt > 0.0
         due = moved is None or self._forced or not z.repeats or self.policy.due(moved, doubtful)
         if due and z.t < self._busy_until:
             self.ignored[f"{z.called} while the filter was busy"] += 1
             due = False
         if due:
-            news = 1.0 if moved is None or not z.repeats else self.policy.novelty(moved)
+            news = z.novelty if moved is None else self.policy.novelty(moved)
             self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)

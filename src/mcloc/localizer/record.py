@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcloc.events import BEACON, BeaconRanges, Measurement
+from mcloc.events import BEACON, BeaconRanges, Measurement, Message
 from mcloc.localizer.estimate import Update
 from mcloc.protocols import SensorModel
 
@@ -68,9 +68,10 @@ def noted(
 ) -> None:
     """Take note of how the readings of an update fitted; the beacons are judged one by one.
 
-    A filter that may be in several places knows nothing of how its sensors do.
+    A filter that may be in several places knows nothing of how its sensors do; and what others
+    tell is of no sensor of the robot's.
     """
-    if not update.hypotheses or update.hypotheses[0].share < SURE:
+    if isinstance(z, Message) or not update.hypotheses or update.hypotheses[0].share < SURE:
         return
     found = {z.source: update.explained}
     if isinstance(z, BeaconRanges):

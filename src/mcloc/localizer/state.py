@@ -25,7 +25,7 @@ from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 6
+VERSION = 7
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
@@ -74,6 +74,7 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "record": {source: asdict(record) for source, record in localizer.record.items()},
         "beacons_alone": localizer._beacons_alone,
         "done": str(localizer._done),
+        "told_start": localizer.told_start,
         "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
         "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
         "forced": localizer._forced,
@@ -147,6 +148,7 @@ def _unpacked(
     localizer.record.update({source: Record(**r) for source, r in values["record"].items()})
     localizer._beacons_alone = values["beacons_alone"]
     localizer._done = float(values["done"])
+    localizer.told_start = values["told_start"]
     localizer._used_at = {source: np.array(p) for source, p in values["used_at"].items()}
     if values["stepped_at"] is not None:
         localizer._stepped_at = np.array(values["stepped_at"])

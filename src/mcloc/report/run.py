@@ -4,13 +4,14 @@ import hashlib
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mcloc.config import RunConfig
 from mcloc.errors import ConfigError, LogError, StateError
-from mcloc.events import Event, Odometry, arrays_of
+from mcloc.events import Detection, Event, Odometry, arrays_of
 from mcloc.io.bag_map import read_map
 from mcloc.io.bag_truth import read_truth
 from mcloc.io.log import read_log
@@ -23,6 +24,8 @@ from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.report.aids import aids_of, measured_log
 from mcloc.report.history import History
 from mcloc.trajectory import Trajectory
+
+E = TypeVar("E", bound=Event | Detection)
 
 MOST_BEYOND = 1000  # events after `end` in a row, then no more are looked at
 
@@ -40,8 +43,8 @@ class Run:
     def __init__(self, config: RunConfig) -> None:
         self.config = config.resolved()
         self.truth = _truth(config)
-        self.aids = aids_of(self.config)
-        self.grid = _grid(self.config, self.landmarks)
+        self.aids = self._all_aids()
+        self.grid = _grid(self.config)
         log = read_log(config.log, config.mount, config.sensor_topics, config.robot)
         self.log = measured_log(log, self.config, self.aids)
         if config.threads is not None:
@@ -87,6 +90,10 @@ class Run:
         if not len(self.history):
             raise LogError(f"{self.config.log}: {self._nothing()}")
 
+    def _all_aids(self) -> tuple[Any, ...]:
+        """What else than walls the robot is localized by."""
+        return aids_of(self.config)
+
     @property
     def landmarks(self) -> Landmarks | None:
         """Those that the robot sees, if any."""
@@ -96,6 +103,10 @@ class Run:
     def ignored(self) -> Counter[str]:
         """How many events were left out, by reason."""
         return self.localizer.ignored + Counter(self.log.skipped)
+
+    def more(self) -> dict[str, Any]:
+        """What else its summary tells."""
+        return {}
 
     @property
     def read(self) -> str | None:
@@ -114,7 +125,7 @@ class Run:
         """Those of the part of the log that was asked for; what was consumed already is passed
         over.
         """
-        events, last = self._within(), None
+        events, last = self._within(self.log), None
         for k in range(self.consumed):
             last = next(events, None)
             if last is None:
@@ -129,12 +140,12 @@ class Run:
             )
         return events
 
-    def _within(self) -> Iterator[Event]:
+    def _within(self, log: Iterable[E]) -> Iterator[E]:
         """The events from `start` to `end`. One wrong stamp does not end them."""
         start = -math.inf if self.config.start is None else self.config.start
         end = math.inf if self.config.end is None else self.config.end
         beyond = 0
-        for event in self.log:
+        for event in log:
             if start <= event.t <= end:
                 beyond = 0
                 yield event
@@ -170,11 +181,12 @@ def fingerprint(event: Event) -> str:
     return told.hexdigest()
 
 
-def _grid(config: RunConfig, landmarks: Landmarks | None) -> OccupancyGrid:
+def _grid(config: RunConfig) -> OccupancyGrid:
     """The map; without one, the floor from which a landmark can be seen."""
     if config.map is not None:
         return OccupancyGrid.load(config.map)
-    if landmarks is not None:
+    if is_mrclam(config.log):
+        landmarks = Mrclam(config.log, config.robot).landmarks
         reach = float(config.settings["sightings"]["range_max"])
         return open_floor(landmarks.places, reach, landmarks.name)
     if "map" not in config.topics:

@@ -10,19 +10,22 @@ from mcloc import __version__
 from mcloc.evaluation import Accuracy, evaluate
 from mcloc.geometry import Pose
 from mcloc.report.beacons import found_out
+from mcloc.report.history import History
 from mcloc.report.run import Run
 from mcloc.trajectory import Trajectory
 
 
 def accuracy_of(run: Run) -> Accuracy | None:
     """Of the estimates so far; None without a truth. Raises TruthError where the two never meet."""
-    if run.truth is None:
-        return None
-    history = run.history
+    return None if run.truth is None else accuracy_against(run.truth, run.history)
+
+
+def accuracy_against(truth: Trajectory, history: History) -> Accuracy:
+    """Of the estimates in a history. Raises TruthError where the two never meet."""
     wheels = history.wheels
     return evaluate(
         history.trajectory,
-        run.truth,
+        truth,
         odometry=wheels,
         scans=(float(wheels.t[0]), float(wheels.t[-1])),
         sightings=history.sighted.table[:, 0],
@@ -62,11 +65,12 @@ def summarize(run: Run, accuracy: Accuracy | None) -> dict[str, Any]:
         "final": {**_pose(final[0].mean if final else nowhere), "hypotheses": found},
         "withheld": history.share_withheld,
         "accuracy": None if accuracy is None else accuracy.to_dict(),
+        **run.more(),
     }
     beacons = found_out(run)
     if beacons is not None:
         summary["beacons"] = beacons
-    return {key: _known(value) for key, value in summary.items()}
+    return {key: known(value) for key, value in summary.items()}
 
 
 def _pose(pose: Pose) -> dict[str, float]:
@@ -84,10 +88,10 @@ def _distance(wheels: Trajectory) -> float:
     return float(np.hypot(step[:, 0], step[:, 1]).sum())
 
 
-def _known(value: Any) -> Any:
+def known(value: Any) -> Any:
     """`value` with None in place of numbers that are none."""
     if isinstance(value, dict):
-        return {key: _known(v) for key, v in value.items()}
+        return {key: known(v) for key, v in value.items()}
     if isinstance(value, list):
-        return [_known(v) for v in value]
+        return [known(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

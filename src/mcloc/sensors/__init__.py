@@ -8,6 +8,7 @@ from mcloc.sensors.ceiling import CeilingBrightness
 from mcloc.sensors.ceiling_patch import CeilingPatch
 from mcloc.sensors.landmarks import LandmarkModel
 from mcloc.sensors.likelihood_field import LikelihoodField
+from mcloc.sensors.messages import MessageModel
 from mcloc.sensors.sonar import SonarBeams
 
 SENSORS: Registry[SensorModel] = Registry(
@@ -32,3 +33,6 @@ CAMERAS: Registry[SensorModel] = Registry(
 
 RANGINGS: Registry[SensorModel] = Registry("ranging", {"beacons": BeaconModel})
 """Of ranges to radio beacons."""
+
+MESSAGES: Registry[SensorModel] = Registry("message", {"density-tree": MessageModel})
+"""Of what other robots tell."""

@@ -13,6 +13,7 @@ from mcloc.simulation.recording import write_drive
 from mcloc.simulation.robot import follow
 from mcloc.simulation.route import Roadmap, tour
 from mcloc.simulation.sonar import SonarRing
+from mcloc.simulation.team_drive import Spotter, TeamDrive, simulate_team
 from mcloc.simulation.teleports import Teleported, teleported
 from mcloc.simulation.wheels import Wheels
 from mcloc.simulation.world import WORLDS
@@ -28,6 +29,8 @@ __all__ = [
     "Scenario",
     "SimulatedDrive",
     "SonarRing",
+    "Spotter",
+    "TeamDrive",
     "Teleported",
     "Wheels",
     "ceiling_drive",
@@ -39,6 +42,7 @@ __all__ = [
     "office_world",
     "ranges",
     "simulate",
+    "simulate_team",
     "teleported",
     "tour",
     "write_ceiling_drive",

@@ -1,0 +1,149 @@
+"""A recorded log in a team of processes: together in the time of the logs, whatever each of them
+takes to compute.
+
+A robot tells before which stamp it will not see another one, and no other passes that stamp before
+it: then a notice never comes too late [Chandy, Misra, Distributed simulation, IEEE Trans. Software
+Eng. 1979]. Who is gone, or does not go on, is not waited for.
+"""
+
+import math
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from mcloc.events import Detection, Event, Odometry
+from mcloc.geometry import between
+from mcloc.team.inbox import Peer
+from mcloc.team.look_ahead import LookAhead
+from mcloc.team.member import Member
+from mcloc.team.post import WAIT, Post
+
+
+@contextmanager
+def pulse(post: Post) -> Iterator[None]:
+    """Heartbeats from a thread, also while the robot computes; a farewell at the end."""
+    end = threading.Event()
+
+    def beat() -> None:
+        while not end.wait(post.policy.heartbeat):
+            post.beat()
+
+    thread = threading.Thread(target=beat, name="pulse", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+        post.beat()  # with the last counts
+        post.leave()
+
+
+class Joining:
+    """A member that replays a log. skipped: events before the time at which it joined.
+    not_awaited: how often a robot
+    that did not go on was no longer waited for, by name.
+    """
+
+    def __init__(self, member: Member, ahead: LookAhead) -> None:
+        self.member, self.post, self._ahead = member, member.post, ahead
+        self.skipped = 0
+        self.not_awaited: Counter[str] = Counter()
+        self._given_up: dict[str, float] = {}
+
+    def run(self, peers: int = 0) -> Iterator[Event | Detection | None]:
+        """Go through the log, once `peers` others are there or patience ends; each event that has
+        been processed, and None where there was none. The member holds what was found by then.
+        """
+        with pulse(self.post):
+            self._wait_for(peers)
+            self._join()
+            self._skip()
+            while (event := self._ahead.next) is not None:
+                self._be(self._ahead.until)
+                self._hold(event.t)
+                if self._ahead.next is not event:
+                    continue  # an answer took it out of turn
+                self._ahead.pop()
+                self.member.process(event)
+                if math.isfinite(event.t):
+                    self.post.position = max(self.post.position, event.t)
+                yield event
+            self._be(math.inf)
+            self._linger()
+            self.member.finish()
+            yield None
+
+    def _be(self, until: float) -> None:
+        """Let the others know at once how far they can go."""
+        if until != self.post.until:
+            self.post.until = until
+            self.post.beat()
+
+    def _wait_for(self, peers: int) -> None:
+        """Until so many others are there."""
+        end = self.post.now() + self.post.policy.patience
+        while len(self.post.live()) < peers and self.post.now() < end:
+            self.post.serve(wait=WAIT)
+
+    def _join(self) -> None:
+        """Find out where the others are in the time of their logs: they hold as long as `until` is
+        −∞, and a heartbeat that answers one of this robot's since then tells where.
+        """
+        asked, end = self.post.clock(), self.post.now() + self.post.policy.patience
+        self._be(-math.inf)
+        while self.post.now() < end:
+            self.post.serve(wait=WAIT)
+            if all(peer.echoed >= asked for peer in self._others()):
+                break
+        self._joined_at = max((peer.position for peer in self._others()), default=-math.inf)
+
+    def _skip(self) -> None:
+        """Leave out what was before the others' time. A robot that has moved meanwhile does not
+        know any more where it is.
+        """
+        wheels = []
+        while (event := self._ahead.next) is not None and event.t < self._joined_at:
+            self._ahead.pop()
+            self.skipped += 1
+            if isinstance(event, Odometry):
+                wheels.append(event.pose)
+        localizer = self.member.localizer
+        if wheels and localizer.policy.due(between(wheels[0], wheels[-1])):
+            localizer.start_globally()
+
+    def _hold(self, t: float) -> None:
+        """Until nobody may tell of a sighting before t any more; what is due is answered."""
+        while True:
+            self.post.serve()
+            self.member.answer_due(t)
+            if not any(self._holds(peer, t) for peer in self.post.live()):
+                return
+            self.post.serve(wait=WAIT)
+
+    def _holds(self, peer: Peer, t: float) -> bool:
+        """Whether it is to be waited for."""
+        if math.isnan(peer.until):  # it waits for others itself
+            return False
+        if not peer.until < t or (peer.offset.known and not self.post.inbox.trusted(peer)):
+            return False
+        if self.post.now() - peer.since <= self.post.policy.patience:
+            return True
+        if self._given_up.get(peer.name) != peer.until:
+            self._given_up[peer.name] = peer.until
+            self.not_awaited[peer.name] += 1
+        return False
+
+    def _others(self) -> list[Peer]:
+        """Those that can be worked with, or may be once their clocks are compared."""
+        inbox = self.post.inbox
+        return [p for p in self.post.live() if inbox.trusted(p) or not p.offset.known]
+
+    def _linger(self) -> None:
+        """Answer others that have not come as far as this log's end."""
+        last = self.post.position
+        while any(self._holds(peer, math.nextafter(last, math.inf)) for peer in self.post.live()):
+            self.post.serve(wait=WAIT)
+            self.member.answer_due(math.inf)
+        self.member.answer_due(math.inf)

@@ -1,0 +1,341 @@
+"""What robots of a team tell each other, as bytes: data only, of a version, a length and a checksum
+that have to be right. Little-endian,
+
+    magic 4, version 1, kind 1, length 4 (of everything), CRC-32 4 (of all that follows)
+    sender (its length 1, then UTF-8), session 8, number 8, clock 8
+    and what a message of this kind says
+
+A notice and a reply carry a density tree of a bounded size, see `packed_tree`.
+"""
+
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mcloc.density import FAR
+from mcloc.density_tree import DensityTree
+from mcloc.errors import MessageError
+from mcloc.events import Detection
+from mcloc.statespace import PLANE, SE2
+from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
+
+VERSION = 1
+MAGIC = b"mcTM"
+MOST_NAME = 32  # bytes of a robot's name
+MOST_HEARD = 64  # peers that a heartbeat tells of
+
+_FRAME = struct.Struct("<4sBBII")
+_SENT = struct.Struct("<QQd")
+_HEARD = struct.Struct("<QddQ")
+_SEEN = struct.Struct("<d3d3d2d")
+_ANSWER = struct.Struct("<QQd")
+_BEAT = struct.Struct("<ddB")
+_MOVED = struct.Struct("<d")
+_WHY = struct.Struct("<B")
+_LATEST = 1e12  # s, stamps and clocks
+_TURN = math.pi + 1e-6  # rad
+_LARGEST_ROBOT = 1e3  # m
+_RESERVED = frozenset("/*$?#")  # in the names of keys
+
+MOST_BYTES = (
+    _FRAME.size
+    + 1
+    + MOST_NAME
+    + _SENT.size
+    + max(
+        1
+        + MOST_NAME
+        + max(_SEEN.size, _ANSWER.size + _MOVED.size)
+        + most_bytes(SE2.dimension, MOST_LEAVES),
+        _BEAT.size + MOST_HEARD * (1 + MOST_NAME + _HEARD.size),
+    )
+)
+"""No message is longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """Who sends a message. sender: the robot's name. session: ns, when its process began, by its
+    clock. number: of the message, 0, 1, …: those to all robots are numbered by themselves, and so
+    are those to each single one. clock: s, the sender's, when it sends.
+    """
+
+    sender: str
+    session: int
+    number: int
+    clock: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """The last heartbeat that came from a peer. session: of that peer. clock: s, what it said its
+    clock was. since: s that have passed here since it came. told: messages to it alone, in that
+    session of it.
+    """
+
+    peer: str
+    session: int
+    clock: float
+    since: float
+    told: int
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """A robot is there. position: s, the last stamp that it has processed, −inf before the first.
+    until: s, the stamp before which it will not tell of another sighting; NaN while it still waits
+    for others. heard: of whom it hears, for them to compare clocks by.
+    """
+
+    position: float
+    until: float
+    heard: tuple[Heard, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Farewell:
+    """A robot leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Notice:
+    """The sender saw a robot: z, of which `seen` names that one. last: s, the stamp of the last
+    sighting of the two that was used, −∞ if none was. moved: m, how far the sender has come since;
+    ∞ if none was. tree: where the seen one is by the sender's belief, x, y or x, y, θ; None where
+    it has no place itself.
+    """
+
+    z: Detection
+    last: float
+    moved: float
+    tree: DensityTree | None
+
+
+@dataclass(frozen=True, eq=False)
+class Reply:
+    """Where the robot is that sent a notice, by the belief of the one that it saw. seer: its name.
+    session, number: of the notice. t: s, of the sighting. moved: m, how far the farther one of the
+    two has come since the last one that was used. tree: over x, y, θ, or x, y; None where it has no
+    place itself.
+    """
+
+    seer: str
+    session: int
+    number: int
+    t: float
+    moved: float
+    tree: DensityTree | None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """That a notice was not used. why: one of WHY. The others as of a Reply."""
+
+    seer: str
+    session: int
+    number: int
+    t: float
+    why: str
+
+
+WHY = (
+    "late",
+    "of the same robots again",
+    "without odometry",
+    "between robots that have no place yet",
+)
+
+
+Said = Heartbeat | Farewell | Notice | Reply | Refusal
+
+_KINDS: dict[int, type[Said]] = {1: Heartbeat, 2: Farewell, 3: Notice, 4: Reply, 5: Refusal}
+_CODES = {kind: code for code, kind in _KINDS.items()}
+
+
+def check_name(name: str) -> str:
+    """The name, if a robot can have it: 1 to 32 bytes that can be printed, without space or any of
+    / * $ ? #. Raises MessageError otherwise.
+    """
+    if not 0 < len(name.encode(errors="replace")) <= MOST_NAME:
+        raise MessageError("name too long, or empty")
+    if not name.isprintable() or " " in name or _RESERVED & set(name):
+        raise MessageError("name with characters that it may not have")
+    return name
+
+
+def encoded(sent: Sent, said: Said) -> bytes:
+    """The message, at most MOST_BYTES long."""
+    body = _name(sent.sender) + _SENT.pack(sent.session, sent.number, sent.clock)
+    match said:
+        case Heartbeat(position, until, heard):
+            body += _BEAT.pack(position, until, len(heard))
+            for h in heard:
+                body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
+        case Notice(z, last, moved, tree):
+            measured = z.t, z.range, z.bearing, z.heading, *z.mount, last, moved
+            body += _name(z.seen) + _SEEN.pack(*measured) + _packed(tree)
+        case Reply():
+            body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
+            body += _MOVED.pack(said.moved) + _packed(said.tree)
+        case Refusal():
+            body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
+            body += bytes([WHY.index(said.why)])
+    code = _CODES[type(said)]
+    return _FRAME.pack(MAGIC, VERSION, code, _FRAME.size + len(body), _checksum(code, body)) + body
+
+
+def decoded(data: bytes) -> tuple[Sent, Said]:
+    """What the bytes say. Raises MessageError, and nothing else, for what is no message: the few
+    words of it name why.
+    """
+    if len(data) > MOST_BYTES:
+        raise MessageError("too long")
+    if len(data) < _FRAME.size:
+        raise MessageError("too short")
+    magic, version, code, length, checksum = _FRAME.unpack_from(data)
+    if magic != MAGIC:
+        raise MessageError("no message of mcloc")
+    if version != VERSION:
+        raise MessageError("of another version")
+    if length != len(data):
+        raise MessageError("of another length than it says")
+    if code not in _KINDS:
+        raise MessageError("of an unknown kind")
+    if checksum != _checksum(code, data[_FRAME.size :]):
+        raise MessageError("damaged")
+    read = _Reader(data, _FRAME.size)
+    sent = Sent(read.name(), *read.values(_SENT))
+    _check_times(sent.clock)
+    said = _SAYING[_KINDS[code]](read)
+    read.end()
+    return sent, said
+
+
+def _packed(tree: DensityTree | None) -> bytes:
+    return b"" if tree is None else packed(tree)
+
+
+def _unpacked(data: bytes) -> DensityTree | None:
+    return unpacked(data, PLANE, SE2) if data else None
+
+
+def _name(name: str) -> bytes:
+    text = check_name(name).encode()
+    return bytes([len(text)]) + text
+
+
+def _checksum(code: int, body: bytes) -> int:
+    return zlib.crc32(body, zlib.crc32(bytes([VERSION, code])))
+
+
+class _Reader:
+    """The rest of a message."""
+
+    def __init__(self, data: bytes, at: int) -> None:
+        self._data, self._at = data, at
+
+    def values(self, of: struct.Struct) -> tuple[Any, ...]:
+        self._need(of.size)
+        found = of.unpack_from(self._data, self._at)
+        self._at += of.size
+        return found
+
+    def name(self) -> str:
+        self._need(1)
+        n = self._data[self._at]
+        self._at += 1
+        self._need(n)
+        text = self._data[self._at : self._at + n]
+        self._at += n
+        try:
+            return check_name(text.decode())
+        except UnicodeDecodeError as cause:
+            raise MessageError("name that is not UTF-8") from cause
+
+    def rest(self) -> bytes:
+        data, self._at = self._data[self._at :], len(self._data)
+        return data
+
+    def end(self) -> None:
+        if self._at != len(self._data):
+            raise MessageError("with more in it than belongs there")
+
+    def _need(self, n: int) -> None:
+        if self._at + n > len(self._data):
+            raise MessageError("with less in it than belongs there")
+
+
+def _check_times(*times: float) -> None:
+    if not all(abs(t) < _LATEST for t in times):  # NaN is not
+        raise MessageError("stamp that cannot be")
+
+
+def _heartbeat(read: _Reader) -> Heartbeat:
+    position, until, n = read.values(_BEAT)
+    if n > MOST_HEARD:
+        raise MessageError("too many peers")
+    if math.isnan(position):
+        raise MessageError("stamp that cannot be")
+    heard = []
+    for _ in range(n):
+        peer, (session, clock, since, told) = read.name(), read.values(_HEARD)
+        _check_times(clock, since)
+        heard.append(Heard(peer, session, clock, since, told))
+    return Heartbeat(position, until, tuple(heard))
+
+
+def _notice(read: _Reader) -> Notice:
+    seen, (t, distance, bearing, heading, *mount, last, moved) = read.name(), read.values(_SEEN)
+    _check_times(t)
+    if not 0.0 < distance < FAR:
+        raise MessageError("range that cannot be")
+    if abs(bearing) > _TURN or abs(heading) > _TURN:  # either may be NaN
+        raise MessageError("angle that cannot be")
+    if not all(abs(m) < _LARGEST_ROBOT for m in mount):
+        raise MessageError("mount that cannot be")
+    if math.isnan(last):
+        raise MessageError("stamp that cannot be")
+    z = Detection(t, seen, distance, bearing, heading, np.array(mount))
+    return Notice(z, last, _distance(moved), _unpacked(read.rest()))
+
+
+def _reply(read: _Reader) -> Reply:
+    answer, (moved,) = _answer(read), read.values(_MOVED)
+    return Reply(*answer, _distance(moved), _unpacked(read.rest()))
+
+
+def _refusal(read: _Reader) -> Refusal:
+    answer, (why,) = _answer(read), read.values(_WHY)
+    if why >= len(WHY):
+        raise MessageError("refused for no known reason")
+    return Refusal(*answer, WHY[why])
+
+
+def _distance(moved: float) -> float:
+    if not moved >= 0.0:
+        raise MessageError("distance that cannot be")
+    return moved
+
+
+def _answer(read: _Reader) -> tuple[str, int, int, float]:
+    seer, (session, number, t) = read.name(), read.values(_ANSWER)
+    _check_times(t)
+    return seer, session, number, t
+
+
+def _farewell(_: _Reader) -> Farewell:
+    return Farewell()
+
+
+_SAYING: dict[type[Said], Callable[[_Reader], Said]] = {
+    Heartbeat: _heartbeat,
+    Farewell: _farewell,
+    Notice: _notice,
+    Reply: _reply,
+    Refusal: _refusal,
+}
