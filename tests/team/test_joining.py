@@ -17,7 +17,7 @@ from mcloc.events import Detection, Odometry
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.wire import Heartbeat, Sent, decoded, encoded
 
-LONG = 120.0  # s, for a machine that is busy
+LONG = 600.0  # s, for a machine that is busy
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_messages_may_be_lost_late_twice_and_shuffled(folder, team, faults):
 
 def test_what_is_lost_for_good_is_counted(folder):
     """A notice that is never answered costs the wait for it, and no more."""
-    policy = PeerPolicy(patience=60.0, silence=60.0, reply_wait=0.3, again=60.0, heartbeat=0.05)
+    policy = PeerPolicy(patience=600.0, silence=600.0, reply_wait=0.3, again=60.0, heartbeat=0.05)
     robots, carriers = pair(folder, Faults(), policy)
     carriers[0].faults.loss = 0.0
     letters = [0]
@@ -119,7 +119,7 @@ def test_what_is_lost_for_good_is_counted(folder):
 
 def test_who_is_gone_is_not_waited_for(folder):
     """Robot 2 falls silent in the middle, without a farewell."""
-    policy = PeerPolicy(patience=60.0, silence=3.0, reply_wait=60.0, heartbeat=0.05)
+    policy = PeerPolicy(patience=600.0, silence=3.0, reply_wait=600.0, heartbeat=0.05)
     (one, two), (_, carrier) = pair(folder, policy=policy)
 
     class CrashError(Exception):
@@ -270,7 +270,7 @@ def test_what_cannot_be_used_is_counted(folder):
 
 def test_who_does_not_go_on_is_not_waited_for_for_ever(folder):
     """It beats, but never comes on."""
-    policy = PeerPolicy(patience=3.0, silence=60.0, heartbeat=0.05)
+    policy = PeerPolicy(patience=3.0, silence=600.0, heartbeat=0.05)
     hub = Hub()
     stuck = alone(folder, 2, hub.carrier("2"), policy)
     end = threading.Event()
