@@ -97,7 +97,7 @@ def config(folder, robot):
     )
 
 
-PATIENT = {"peers": {"patience": 60.0, "silence": 60.0, "reply_wait": 60.0}}
+PATIENT = {"peers": {"patience": 600.0, "silence": 600.0, "reply_wait": 600.0}}
 
 
 def test_two_that_join_are_told(folder) -> None:
@@ -115,7 +115,7 @@ def test_two_that_join_are_told(folder) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(120.0)
+        thread.join(600.0)
         assert not thread.is_alive()
     one, two = (run.more()["team"] for run in runs)
     assert one["detections"]["used"] == two["detections"]["used"] > 0

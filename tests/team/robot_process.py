@@ -23,10 +23,10 @@ from tests.team.hub import Faults, Faulty
 from tests.team.robots import sound
 
 SETTINGS = {
-    "peers": {"patience": 60.0, "silence": 60.0, "reply_wait": 60.0, "again": 0.2},
+    "peers": {"patience": 600.0, "silence": 600.0, "reply_wait": 600.0, "again": 0.2},
     "team": {"window": 4.0, "distance": 1.0},
 }
-LONG = 300.0  # s
+LONG = 900.0  # s
 
 
 def config(folder, robot, seed=0):

@@ -24,7 +24,7 @@ from mcloc.team.team import Team
 FILTER = Composition(filter="mcl", size="fixed", settings={"size": {"particles": 500}})
 MODEL = DetectionModel(sigma_range=0.1, sigma_bearing=0.03, range_max=6.0, particles=1000)
 POLICY = TeamPolicy(window=4.0, distance=1.0)
-QUICK = PeerPolicy(patience=60.0, silence=60.0, reply_wait=60.0, again=0.2, heartbeat=0.05)
+QUICK = PeerPolicy(patience=600.0, silence=600.0, reply_wait=600.0, again=0.2, heartbeat=0.05)
 """Nothing is given up on a machine that is busy."""
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from mcloc.team.wire import Heartbeat, Sent, encoded
 
 pytestmark = pytest.mark.slow
 
-LONG = 240.0  # s, for a machine that is busy
+LONG = 900.0  # s, for a machine that is busy
 PROGRAM = Path(__file__).with_name("robot_process.py")
 
 BOTH = {
@@ -159,10 +160,10 @@ def apart(a, b):
 
 
 def near(reference, robot, estimates):
-    """Whether it is as near to the team in one process as that is to itself with other seeds."""
-    (_, same), *others = reference
-    between_seeds = [apart(same[robot], other[robot]) for _, other in others]
-    return apart(same[robot], estimates) < np.mean(between_seeds)
+    """Whether it is no farther from the team in one process than twice what seeds differ by."""
+    found = [tables[robot] for _, tables in reference]
+    between_seeds = [apart(a, b) for a, b in combinations(found, 2)]
+    return apart(found[0], estimates) < 2.0 * max(between_seeds)
 
 
 @pytest.mark.parametrize("name", [*BOTH, "clock", "rubbish"])
