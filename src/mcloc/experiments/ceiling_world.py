@@ -1,4 +1,4 @@
-"""The world of E7 and E12: a museum with a robot that sees nothing but the ceiling."""
+"""The world of E12: a museum with a robot that sees nothing but the ceiling."""
 
 from functools import lru_cache
 
