@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     )
     from mcloc.estimate import Hypothesis
     from mcloc.evaluation import Accuracy, evaluate
-    from mcloc.events import BeaconRanges, Image, Odometry, Scan, Sightings
+    from mcloc.events import BeaconRanges, Detection, Image, Odometry, Scan, Sightings
     from mcloc.filters.catalog import Composition
     from mcloc.io.bag_map import read_map
     from mcloc.io.bag_truth import read_truth
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from mcloc.maps.landmarks import Landmarks
     from mcloc.maps.mosaic import Mosaic
     from mcloc.maps.occupancy import OccupancyGrid
+    from mcloc.maps.teammates import Teammates
     from mcloc.report import Run
+    from mcloc.team.team import Team
     from mcloc.trajectory import Trajectory
 
 __version__ = "0.1.0"
@@ -42,6 +44,7 @@ __all__ = [
     "Beacons",
     "Composition",
     "ConfigError",
+    "Detection",
     "Estimate",
     "FilterError",
     "Hypothesis",
@@ -59,6 +62,8 @@ __all__ = [
     "Scan",
     "Sightings",
     "StateError",
+    "Team",
+    "Teammates",
     "Trajectory",
     "TruthError",
     "UpdatePolicy",
@@ -86,7 +91,7 @@ _ROOMS = {
     ),
     "mcloc.estimate": ("Hypothesis",),
     "mcloc.evaluation": ("Accuracy", "evaluate"),
-    "mcloc.events": ("BeaconRanges", "Image", "Odometry", "Scan", "Sightings"),
+    "mcloc.events": ("BeaconRanges", "Detection", "Image", "Odometry", "Scan", "Sightings"),
     "mcloc.filters.catalog": ("Composition",),
     "mcloc.io.bag_map": ("read_map",),
     "mcloc.io.bag_truth": ("read_truth",),
@@ -98,7 +103,9 @@ _ROOMS = {
     "mcloc.maps.landmarks": ("Landmarks",),
     "mcloc.maps.mosaic": ("Mosaic",),
     "mcloc.maps.occupancy": ("OccupancyGrid",),
+    "mcloc.maps.teammates": ("Teammates",),
     "mcloc.report": ("Run",),
+    "mcloc.team.team": ("Team",),
     "mcloc.trajectory": ("Trajectory",),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}

@@ -19,8 +19,7 @@ class TeamPolicy(Configurable):
     from each other. So a detection of the same two is ignored within a window of time, unless one
     of them has moved far enough since the last one that was used [Fox01 §19.4.1]. After the window
     it counts by what the wheels have made new: as much as the farther one of them has moved of that
-    distance. On MRCLAM 6 with landmarks for one robot that took the NEES of the others from 17 to
-    10, and their errors were the same; of the wheels alone it is 15.
+    distance.
     """
 
     window: float = param(10.0, "s", "between two detections of the same robots", low=0, high=1e5)
@@ -28,9 +27,8 @@ class TeamPolicy(Configurable):
         2.5, "m", "that one of them has to move to have news", above=0, high=1e5
     )
     coast: float = param(
-        0.5, "m", "update by the wheels alone after driving (or m·rad turning) so far", above=0,
-        high=1e3,
-    )  # fmt: skip
+        0.5, "m", "drive (or turn, m·rad) after which wheels alone are followed", above=0, high=1e3
+    )
 
     def due(self, since: float, moved: float) -> bool:
         """Whether a detection is used, so many seconds after the last one of the same robots, of
