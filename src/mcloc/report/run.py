@@ -169,8 +169,8 @@ class Run:
     def _between(self) -> str:
         """The part of the log that was asked for, in words."""
         start, end = self.config.start, self.config.end
-        after = "" if start is None else f" from start = {start:.3f} s on"
-        return after + ("" if end is None else f" up to end = {end:.3f} s")
+        after = "" if start is None else f" from start = {start:.13g} s on"
+        return after + ("" if end is None else f" up to end = {end:.13g} s")
 
 
 def fingerprint(event: Event) -> str:
