@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mcloc.team.inbox import Arrival
-from mcloc.team.wire import Farewell, Heartbeat, decoded
+from mcloc.team.letters import Farewell, Heartbeat
+from mcloc.team.wire import decoded
 
 
 @dataclass

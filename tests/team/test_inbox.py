@@ -11,10 +11,11 @@ from tests.team.conftest import place, ring
 
 from mcloc.events import Detection
 from mcloc.team.inbox import Arrival, Inbox
+from mcloc.team.letters import MOST_HEARD, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.numbering import REMEMBERED
 from mcloc.team.outbox import Outbox
 from mcloc.team.peer_policy import PeerPolicy
-from mcloc.team.wire import MOST_HEARD, Farewell, Heartbeat, Notice, Refusal, Reply, Sent, encoded
+from mcloc.team.wire import encoded
 
 POLICY = PeerPolicy()
 BEGAN = 1_000.0  # s, by the true clock

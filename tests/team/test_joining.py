@@ -14,8 +14,9 @@ from tests.team.hub import Faults, Faulty, Hub
 from tests.team.robots import QUICK, alone, apart, errors, sound, together
 
 from mcloc.events import Detection, Odometry
+from mcloc.team.letters import Heartbeat, Sent
 from mcloc.team.peer_policy import PeerPolicy
-from mcloc.team.wire import Heartbeat, Sent, decoded, encoded
+from mcloc.team.wire import decoded, encoded
 
 LONG = 600.0  # s, for a machine that is busy
 

@@ -7,9 +7,9 @@ from tests.team.conftest import ring
 from tests.team.hub import Hub
 
 from mcloc.events import Detection
+from mcloc.team.letters import Notice, Refusal, Reply
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.post import MOST_ANSWERS, MOST_NOTICES, Post
-from mcloc.team.wire import Notice, Refusal, Reply
 
 POLICY = PeerPolicy(reply_wait=0.5, again=60.0, silence=60.0)
 RING = ring(100)

@@ -17,8 +17,9 @@ from tests.team.folders import pose, write_folder
 from tests.team.robot_process import SETTINGS, endpoint_file
 
 from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.team.letters import Heartbeat, Sent
 from mcloc.team.peers import Peers
-from mcloc.team.wire import Heartbeat, Sent, encoded
+from mcloc.team.wire import encoded
 
 pytestmark = pytest.mark.slow
 

@@ -19,20 +19,11 @@ from mcloc.errors import MessageError
 from mcloc.events import Detection
 from mcloc.particles import Particles
 from mcloc.statespace import LINE, PLANE, SE2
-from mcloc.team import wire
+from mcloc.team import letters, wire
 from mcloc.team.compression import compressed
+from mcloc.team.letters import Farewell, Heard, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
-from mcloc.team.wire import (
-    Farewell,
-    Heard,
-    Heartbeat,
-    Notice,
-    Refusal,
-    Reply,
-    Sent,
-    decoded,
-    encoded,
-)
+from mcloc.team.wire import decoded, encoded
 
 SENT = Sent("räuber-1", 7, 42, 1.7e9)
 Z = Detection(12.5, "r2", 3.25, -0.4, mount=np.array([0.25, 0.0, 0.5]))
@@ -102,10 +93,10 @@ def test_a_single_particle_comes_back():
 
 
 def test_no_message_is_longer_than_it_may_be():
-    name = "n" * wire.MOST_NAME
+    name = "n" * letters.MOST_NAME
     large = ring(20_000)
     assert len(large.child) > 2 * MOST_LEAVES
-    heard = tuple(Heard(name, 1, 2.0, 3.0, 4) for _ in range(wire.MOST_HEARD))
+    heard = tuple(Heard(name, 1, 2.0, 3.0, 4) for _ in range(letters.MOST_HEARD))
     sizes = [
         len(encoded(Sent(name, 1, 2, 3.0), said))
         for said in (Reply(name, 1, 2, 3.0, 4.0, large), Heartbeat(0.0, 0.0, heard))

@@ -11,9 +11,7 @@ from dataclasses import dataclass, field
 
 from mcloc.errors import MessageError
 from mcloc.team.clocks import ClockOffset
-from mcloc.team.numbering import Numbering
-from mcloc.team.peer_policy import PeerPolicy
-from mcloc.team.wire import (
+from mcloc.team.letters import (
     MOST_HEARD,
     Farewell,
     Heard,
@@ -23,8 +21,10 @@ from mcloc.team.wire import (
     Reply,
     Said,
     Sent,
-    decoded,
 )
+from mcloc.team.numbering import Numbering
+from mcloc.team.peer_policy import PeerPolicy
+from mcloc.team.wire import decoded
 
 Letter = tuple[Sent, Notice | Reply | Refusal]
 

@@ -22,10 +22,10 @@ from mcloc.localizer import Estimate, Localizer
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.following import followed
 from mcloc.team.inbox import Peer
+from mcloc.team.letters import WHY, Notice, Refusal, Reply
 from mcloc.team.policy import TeamPolicy
 from mcloc.team.post import Due, Post
 from mcloc.team.team import PATIENCE, SEEN, SEER
-from mcloc.team.wire import WHY, Notice, Refusal, Reply
 
 LATE, AGAIN, WITHOUT_WHEELS, NOWHERE = WHY
 

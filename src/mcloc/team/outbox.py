@@ -4,7 +4,8 @@ import threading
 from typing import Protocol
 
 from mcloc.team.inbox import Arrival
-from mcloc.team.wire import Said, Sent, encoded
+from mcloc.team.letters import Said, Sent
+from mcloc.team.wire import encoded
 
 
 class Carrier(Protocol):

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from mcloc.errors import ConfigError
 from mcloc.team.inbox import Arrival
-from mcloc.team.wire import MOST_BYTES, check_name
+from mcloc.team.letters import check_name
+from mcloc.team.wire import MOST_BYTES
 
 if TYPE_CHECKING:
     import zenoh

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mcloc.team.inbox import Inbox, Peer
+from mcloc.team.letters import Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.outbox import Carrier, Outbox
 from mcloc.team.peer_policy import PeerPolicy
-from mcloc.team.wire import Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 
 MOST_NOTICES = 64  # of one peer, that wait for their stamp
 MOST_ANSWERS = 256  # that are remembered, to be sent again
