@@ -66,7 +66,7 @@ class DetectionModel(Configurable):
         2.0 * math.pi, "rad", "angle of view, half to each side", above=0, high=2.0 * math.pi
     )
     particles: int = param(
-        5000, "", "poses that a belief is taken by when it is told", low=100, high=1e6
+        2500, "", "poses that a belief is taken by when it is told", low=100, high=1e6
     )
 
     def sigma(self, d: Array) -> Array:
