@@ -197,10 +197,9 @@ def main() -> None:
     lines = [
         f"# Radio beacons\n\nMeasured with mcloc {__version__}, default configuration, by\n",
         "    MCLOC_DATA=… python benchmarks/malaga_beacons.py\n",
-        "on malaga: a laser, and ranges to three beacons, of which the first is bad. Beside a\n"
-        "laser, one of which nothing is known is believed half; and beacons are judged by the\n"
-        "median of all sensors. Both were chosen on this log, with other seeds: there is no other\n"
-        "one.\n",
+        "on malaga: a laser, and ranges to three beacons, of which the first is bad. That beside\n"
+        "a laser one of which nothing is known is believed half was chosen on this log, with\n"
+        "other seeds: there is no other log.\n",
         *tracking(done),
         *anywhere(done),
     ]
