@@ -11,7 +11,7 @@ from mcloc.draws import Draws
 from mcloc.events import Detection, Odometry
 from mcloc.filters.catalog import Composition
 from mcloc.geometry import compose
-from mcloc.localizer import Localizer
+from mcloc.localizer import Localizer, UpdatePolicy
 from mcloc.maps.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mcloc.maps.teammates import Teammates
 from mcloc.particles import Particles
@@ -23,6 +23,7 @@ from mcloc.team.team import Team
 
 MODEL = DetectionModel(p_detect=0.9, range_max=4.0)
 ORIGIN = np.array([2.0, -1.0, 0.4])
+LONG = UpdatePolicy(coast=100.0)  # no steps by the wheels alone
 
 
 def room():
@@ -99,11 +100,11 @@ def team(p_detect):
     known = {"initial": a, "initial_sigma": (0.05, 0.05, 0.05)}
     middle = {"initial": compose(ORIGIN, [3.0, 2.5, 0.0]), "initial_sigma": (1.5, 1.5, 1.0)}
     robots = {
-        name: Localizer(grid, composed, aids=(Teammates(),), seed=1, **start)
+        name: Localizer(grid, composed, aids=(Teammates(),), seed=1, policy=LONG, **start)
         for name, start in (("a", known), ("b", middle))
     }
     model = DetectionModel(p_detect=p_detect, range_max=4.0)
-    return Team(robots, model, TeamPolicy(window=5.0, coast=100.0))
+    return Team(robots, model, TeamPolicy(window=5.0))
 
 
 def near_a(team):

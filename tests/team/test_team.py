@@ -14,7 +14,7 @@ from mcloc.events import Detection, Odometry, Scan, Sightings
 from mcloc.filters.catalog import FILTERS, Composition
 from mcloc.filters.recovery import Evidence
 from mcloc.geometry import between, compose
-from mcloc.localizer import Localizer
+from mcloc.localizer import Localizer, UpdatePolicy
 from mcloc.maps.landmarks import Landmarks
 from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.teammates import Teammates
@@ -105,7 +105,8 @@ def test_both_are_told_by_the_beliefs_before():
 
 def test_a_detection_is_of_where_the_robots_were_then():
     """Both have driven on 1 m by the wheels when b is seen; what is told lies there."""
-    team = Team({n: member(n, seed=k) for k, n in enumerate("ab")}, MODEL, TeamPolicy(coast=100.0))
+    long = UpdatePolicy(coast=100.0)  # no steps by the wheels alone
+    team = Team({n: member(n, seed=k, policy=long) for k, n in enumerate("ab")}, MODEL)
     still(team, [0.0])
     for name in "ab":
         drive(team, name, [5.0], [1.0, 0.0, 0.0])

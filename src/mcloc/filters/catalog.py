@@ -241,6 +241,7 @@ class Composition:
                     "the map frame: set its resolution and origin"
                 )
         models = {AIDS[type(aid)].measures: self._part(AIDS[type(aid)].kind, aid) for aid in aids}
+        models.setdefault(Message, self._part("message", Teammates()))  # that nothing was measured
         if grid.occupied.any():
             models[Scan] = self._part("sensor", grid)
         return Fused(models)

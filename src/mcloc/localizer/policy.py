@@ -21,6 +21,9 @@ class UpdatePolicy(Configurable):
     decorrelation: float = param(
         0.5, "m", "drive (or m·rad turn) after which a scan is news", above=0
     )
+    coast: float = param(
+        0.5, "m", "drive (or m·rad turn) without any after which wheels alone are followed", above=0
+    )
 
     def due(self, u: NDArray[np.float64], doubtful: bool = False) -> bool:
         """Whether the move u (dx, dy, dθ) is enough.

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.events import Odometry, Sightings
+from mcloc.events import Message, Odometry, Sightings
 from mcloc.geometry import Pose, between, compose, transported
 from mcloc.localizer import Estimate
 from mcloc.report.rows import Rows
@@ -46,10 +46,11 @@ class History:
         Where the clock was set back, what has a later stamp goes: it would contradict this.
         """
         info, evidence = e.update.info, e.update.info.evidence
+        carried = float(isinstance(e.measurement, Message) and not e.measurement.useful)
         row = (
             *(e.t, *e.pose, *e.covariance[UPPER]),
             *(info.n, info.ess, len(e.hypotheses), e.hypotheses[0].share),
-            *(evidence.fast, evidence.slow, e.update.explained, 0.0, *e.odometry),
+            *(evidence.fast, evidence.slow, e.update.explained, carried, *e.odometry),
         )
         _drop_from(e.t, self.rows)
         _drop_from(e.t, self.withheld)

@@ -19,6 +19,8 @@ from mcloc.io.mrclam import Mrclam, is_mrclam
 from mcloc.io.tum import read_trajectory
 from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.following import followed
+from mcloc.localizer.localizer import LATENCY
 from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.report.aids import aids_of, measured_log
@@ -79,6 +81,8 @@ class Run:
             self.consumed += 1
             self._last = event
             estimates = self._noted(self.localizer.process(event), began)
+            if self.aids and isinstance(event, Odometry):
+                estimates += self._noted(followed(self.localizer, event.t - LATENCY), began)
             if (
                 self.landmarks is not None
                 and isinstance(event, Odometry)

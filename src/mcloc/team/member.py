@@ -19,8 +19,8 @@ from mcloc.density_tree import DensityTree
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.following import followed
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
-from mcloc.team.following import followed
 from mcloc.team.inbox import Peer
 from mcloc.team.letters import WHY, Notice, Refusal, Reply
 from mcloc.team.policy import TeamPolicy
@@ -198,10 +198,10 @@ class Member:
         """A step by the wheels alone up to t, where the robot has moved far since the last one."""
         localizer = self.localizer
         waits = bool(self.post.due) and self.post.due[0].t <= t
-        if waits or not localizer.placed or not t > max(self._followed, localizer.done):
+        if waits or not t > self._followed:
             return
         self._followed = t + 0.2
-        self._note(followed(localizer, t, self.policy.coast))
+        self._note(followed(localizer, t))
 
     def _note(self, estimates: list[Estimate] | list[Estimate | None]) -> None:
         self.found += [estimate for estimate in estimates if estimate is not None]

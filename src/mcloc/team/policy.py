@@ -13,7 +13,7 @@ from mcloc.registry import Configurable, param
 
 @dataclass(frozen=True)
 class TeamPolicy(Configurable):
-    """When a detection is used, and how finely the wheels are followed in between.
+    """When a detection is used.
 
     Two robots that see each other again tell each other what they told before, and what they had
     from each other. So a detection of the same two is ignored within a window of time, unless one
@@ -25,9 +25,6 @@ class TeamPolicy(Configurable):
     window: float = param(10.0, "s", "between two detections of the same robots", low=0, high=1e5)
     distance: float = param(
         2.5, "m", "that one of them has to move to have news", above=0, high=1e5
-    )
-    coast: float = param(
-        0.5, "m", "drive (or turn, m·rad) after which wheels alone are followed", above=0, high=1e3
     )
 
     def due(self, since: float, moved: float) -> bool:

@@ -15,10 +15,10 @@ from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.following import followed
 from mcloc.maps.teammates import Teammates
 from mcloc.sensors.messages import tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
-from mcloc.team.following import followed
 from mcloc.team.policy import TeamPolicy, Used, farther
 from mcloc.team.unseen import Unseen
 
@@ -212,15 +212,10 @@ class Team:
         now, since something older may still come.
         """
         localizer, t = self.robots[robot], now - PATIENCE
-        if (
-            not localizer.placed
-            or self._queue
-            or not t > localizer.done
-            or 0.0 <= t - self._followed.get(robot, -np.inf) < LOOKS
-        ):
+        if self._queue or 0.0 <= t - self._followed.get(robot, -np.inf) < LOOKS:
             return []
         self._followed[robot] = t
-        return self._estimates(robot, followed(localizer, t, self.policy.coast))
+        return self._estimates(robot, followed(localizer, t))
 
     def _estimates(
         self, robot: str, estimates: list[Estimate] | list[Estimate | None]

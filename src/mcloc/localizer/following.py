@@ -2,17 +2,22 @@
 
 import numpy as np
 
-from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.estimate import Estimate
+from mcloc.localizer.localizer import Localizer
 from mcloc.sensors.messages import silence
 
 WHEELS = "wheels"  # the source of messages that say nothing
 
 
-def followed(localizer: Localizer, t: float, far: float) -> list[Estimate]:
+def followed(localizer: Localizer, t: float) -> list[Estimate]:
     """The estimates at t, and of what waited with a stamp up to t; none where the robot has moved
-    less than `far` (m, or m·rad of turning) since its filter's last step.
+    less than its policy's `coast` since its filter's last step.
+
+    A robot that measures nothing for minutes must not be as sure of its place after a loop as after
+    a straight line: the noise of a move is that of its pieces.
     """
-    if not _moved(localizer, t, far):
+    far = localizer.policy.coast
+    if not localizer.placed or not t > localizer.done or not _moved(localizer, t, far):
         return []
     # A sighting after minutes without any waits for the next one, to be confirmed by its stamp.
     found = localizer.catch_up(t)
