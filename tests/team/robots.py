@@ -1,13 +1,14 @@
 """Robots of a folder of tests.team.folders: in one process as a Team, and each by itself."""
 
 import heapq
-from collections import Counter
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
 from tests.team.folders import pose
 
 from mcloc.filters.catalog import Composition
+from mcloc.geometry import between, compose
 from mcloc.io.mrclam import Mrclam
 from mcloc.localizer import Localizer
 from mcloc.maps.landmarks import open_floor
@@ -97,12 +98,18 @@ def sound(particles):
 
 
 def apart(one, other):
-    """m: root mean square distance of two lists of estimates, at their common stamps."""
-    places = [{round(e.t, 3): e.pose[:2] for e in found} for found in (one, other)]
-    common = sorted(set(places[0]) & set(places[1]))
-    assert len(common) > 5, Counter(map(len, places))
-    away = np.array([places[0][t] - places[1][t] for t in common])
-    return float(np.sqrt((away**2).sum(axis=1).mean()))
+    """m: root mean square distance of two lists of estimates, at the stamps of the first: from
+    those of the other before them, carried along the wheels.
+    """
+    stamps = [round(e.t, 3) for e in other]
+    away = []
+    for e in one:
+        k = bisect_right(stamps, round(e.t, 3)) - 1
+        if k >= 0:
+            carried = compose(other[k].pose, between(other[k].odometry, e.odometry))
+            away.append(e.pose[:2] - carried[:2])
+    assert len(away) > 5
+    return float(np.sqrt((np.array(away) ** 2).sum(axis=1).mean()))
 
 
 def errors(found, robot):

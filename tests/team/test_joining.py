@@ -333,7 +333,7 @@ def test_a_notice_that_is_refused(folder, acquainted, why):
         one.process(event)
     for event in wheels:
         two.process(event)
-    two.localizer._done = done
+    two.localizer._queue.done = done
     if not placed:
         one.localizer.start_globally()
         two.localizer.start_globally()
@@ -364,6 +364,6 @@ def test_what_this_robot_is_too_late_for_it_does_not_tell(folder, acquainted):
     one.process(Detection(1009.2, "2", 2.0, 0.3))
     for event in stop_and_go(10):
         one.process(event)
-    one.localizer._done = 1009.4
+    one.localizer._queue.done = 1009.4
     one.process(Detection(1009.2, "2", 2.0, 0.3))
     assert one.ignored == {"detection without odometry": 1, "detection late": 1}

@@ -3,8 +3,7 @@
 import operator
 import secrets
 import time
-from bisect import insort
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mcloc.density import FAR
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis
 from mcloc.events import BeaconRanges, Event, Measurement, Odometry
@@ -21,20 +19,19 @@ from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
 from mcloc.localizer.given_pose import covariance_of, given_pose
-from mcloc.localizer.leap_guard import LEAP, LeapGuard
-from mcloc.localizer.odometry_buffer import OdometryBuffer
 from mcloc.localizer.pace import Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
+from mcloc.localizer.queue import LATENCY, Queue
 from mcloc.localizer.record import Records, noted, told
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.particles import Particles
 from mcloc.protocols import Density
+from mcloc.sensors.messages import silence
 
 INITIAL_SIGMA = (0.5, 0.5, float(np.deg2rad(15.0)))  # m, m, rad
-MOST_WAITING = 1000  # measurements without odometry
 NOTHING = 1e-6  # readings: a measurement that is worth no more tells nothing of the place
 PREDICTED = 3 << 16  # part of the random numbers; a filter's are less
-LATENCY = 1.0  # s that a measurement of one sensor waits for those of another
+WHEELS = "wheels"  # the source of messages that say nothing
 
 
 class Localizer:
@@ -83,11 +80,7 @@ class Localizer:
         self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
         self.record: Records = {}
         self._beacons_alone = True  # so far: nothing else has been used
-        self._odometry = OdometryBuffer(self.ignored)
-        self._guard: LeapGuard[Measurement] = LeapGuard()
-        self._waiting: list[Measurement] = []
-        self._newest: defaultdict[str, float] = defaultdict(lambda: -np.inf)  # by laser, s
-        self._done = -np.inf  # s, stamp of the last estimate
+        self._queue = Queue(self.ignored)
         self._used_at: dict[str, Pose] = {}  # by laser: odometry at its last scan that was used
         self._stepped_at: Pose | None = None  # odometry at the filter's last step
         self._forced = False
@@ -106,6 +99,8 @@ class Localizer:
         """An estimate for each usable scan, in order."""
         for event in events:
             yield from self.process(event)
+            if self.aids and isinstance(event, Odometry):
+                yield from self.follow(event.t - LATENCY)
         yield from self.finish()
 
     def process(self, event: Event) -> list[Estimate]:
@@ -117,30 +112,15 @@ class Localizer:
         """
         self.withheld = []
         if isinstance(event, Odometry):
-            self._odometry.add(event)
-            return self._release()
-        reason = _broken(event)
-        if reason:
-            self.ignored[reason] += 1
-            return []
-        passed = self._guard.passed(event)
-        if passed.wrong is not None:
-            self.ignored[f"{event.called} stamp from the future"] += 1
-        if passed.set_back:
-            self.ignored[f"clock of {event.called}s set back"] += 1
-            self._waiting.clear()
-            self._newest.clear()
-            self._done = self._busy_until = -np.inf
-        for measurement in passed.events:
-            self._queue(measurement)
+            self._queue.wheels.add(event)
+        elif self._queue.add(event):
+            self._busy_until = -np.inf
         return self._release()
 
     def finish(self) -> list[Estimate]:
         """Estimates for the scans that still wait; they take the last odometry there is."""
         self.withheld = []
-        self._odometry.finish()
-        for measurement in self._guard.rest():
-            self._queue(measurement)
+        self._queue.finish()
         return self._release(final=True)
 
     def catch_up(self, t: float) -> list[Estimate]:
@@ -148,11 +128,26 @@ class Localizer:
         still bring.
         """
         self.withheld = []
-        held = self._guard.held
-        if held is not None and held.t <= t and self._odometry.reaches(held.t):
-            for measurement in self._guard.rest():  # the wheels' clock has come there, too
-                self._queue(measurement)
+        self._queue.hasten(t)
         return self._release(until=t)
+
+    def follow(self, t: float) -> list[Estimate]:
+        """A step by the wheels alone up to t, and the estimates of what waited with a stamp up to
+        t; nothing where the robot has moved less than its policy's `coast` since the last step.
+
+        A robot that measures nothing for minutes must not be as sure of its place after a loop as
+        after a straight line: the noise of a move is that of its pieces.
+        """
+        if not self.placed or not t > self.done or not self._coasted(t):
+            return []
+        # A sighting after minutes without any waits for the next one, to be confirmed by its stamp.
+        found = self.catch_up(t)
+        if t > self.done and self._coasted(t):
+            at = self.wheels_at(t)
+            assert at is not None
+            told = self.take(silence(t, WHEELS), at)
+            found += [] if told is None else [told]
+        return found
 
     def take(self, z: Measurement, at: Pose) -> Estimate | None:
         """Take in what was measured when the wheels were at `at` (3,), at once: by somebody who
@@ -184,16 +179,16 @@ class Localizer:
 
     def wheels_at(self, t: float) -> Pose | None:
         """(3,): their pose at t, odometry frame; None where it is not known."""
-        return self._odometry.at(t)
+        return self._queue.wheels.at(t)
 
     @property
     def wheels_until(self) -> float:
         """Seconds: the newest stamp of the odometry, −inf before the first one."""
-        return self._odometry.guard.newest
+        return self._queue.wheels.guard.newest
 
     def wheels_reach(self, t: float) -> bool:
         """Whether nothing more will be known of them at t."""
-        return self._odometry.reaches(t)
+        return self._queue.wheels.reaches(t)
 
     @property
     def placed(self) -> bool:
@@ -205,8 +200,7 @@ class Localizer:
         """Seconds: what has an earlier stamp comes too late; −inf where the wheels' clock was set
         back.
         """
-        set_back = -np.inf < self.wheels_until < self._done - LEAP
-        return -np.inf if set_back else self._done
+        return self._queue.late_before
 
     def moved_since_step(self, at: Pose) -> Pose | None:
         """(3,): the move from the filter's last step to `at`; None before the first one."""
@@ -241,6 +235,14 @@ class Localizer:
         """A measurement with what is known by now of the sensors that it comes from."""
         return told(z, self.record, self._beacons_alone)
 
+    def _coasted(self, t: float) -> bool:
+        """Whether it is known to have moved far by t, or where it started is all that is known."""
+        at = self.wheels_at(t)
+        if at is None:
+            return False
+        moved = self.moved_since_step(at)
+        return moved is None or self.policy.coasted(moved)
+
     def _restart(self, density: Density) -> None:
         self.belief = self._started(density)
         self.told_start = density is not self.filter.environment
@@ -253,37 +255,14 @@ class Localizer:
         self.step += 1
         return belief
 
-    def _queue(self, z: Measurement) -> None:
-        """Let a measurement wait for its turn, unless it comes twice or too late."""
-        newest = self._newest[z.source]
-        if z.t == newest:
-            self.ignored[f"duplicate {z.called}"] += 1
-            return
-        self._newest[z.source] = max(z.t, newest)
-        if z.t < max(self._done, newest):
-            self.ignored[f"late {z.called}"] += 1
-            return
-        insort(self._waiting, z, key=lambda waiting: waiting.t)
-        if len(self._waiting) > MOST_WAITING:
-            gone = self._waiting.pop(0)
-            self.ignored[f"{gone.called} without odometry"] += 1
-
     def _release(self, final: bool = False, until: float = -np.inf) -> list[Estimate]:
         """Process the waiting measurements whose odometry is known by now; up to `until` without
         regard to what other sensors may bring.
         """
         done = []
-        while self._waiting:
-            z = self._waiting[0]
-            if not (final or self._ready(z) or (z.t <= until and self._known(z))):
-                break
-            self._waiting.pop(0)
-            at = z.odometry if z.odometry is not None else self._odometry.at(z.t)
-            if at is None:
-                self.ignored[f"{z.called} without odometry"] += 1
-            else:
-                estimates = [self._localize(part, at) for part in self._parts(z)]
-                done += [estimate for estimate in estimates if estimate is not None]
+        for z, at in self._queue.ready(final, until):
+            estimates = [self._localize(part, at) for part in self._parts(z)]
+            done += [estimate for estimate in estimates if estimate is not None]
         return done
 
     def _parts(self, z: Measurement) -> list[Measurement]:
@@ -298,24 +277,11 @@ class Localizer:
             self.ignored[z.empty] += len(each) - len(useful)
         return useful
 
-    def _ready(self, z: Measurement) -> bool:
-        """Whether its odometry is known, and no other sensor may still bring something older."""
-        if not self._known(z):
-            return False
-        newest = max(*self._newest.values(), self._odometry.guard.newest)
-        return newest - z.t > LATENCY or not any(
-            z.t - LATENCY < t < z.t for t in self._newest.values()
-        )
-
-    def _known(self, z: Measurement) -> bool:
-        """Whether its odometry is."""
-        return z.odometry is not None or self._odometry.reaches(z.t)
-
     def _localize(self, z: Measurement, at: Pose) -> Estimate | None:
         """Update if due and free to, and carry the hypotheses along the odometry otherwise. None
         while the filter withholds its estimate.
         """
-        self._done = z.t
+        self._queue.done = z.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(z.source)
         moved = None if last is None or not z.repeats else between(last, at)
@@ -326,7 +292,7 @@ class Localizer:
             due = False
         if due:
             news = z.novelty if moved is None else self.policy.novelty(moved)
-            self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
+            self._beacons_alone &= isinstance(z, BeaconRanges) or not z.useful
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)
             if self.filter.sensor.readings(z) <= NOTHING:
@@ -368,14 +334,3 @@ def _sources(z: Measurement) -> list[str]:
     """Those of which a measurement is one: each beacon is a source of its own."""
     each = [one.source for one in z.of_each()] if isinstance(z, BeaconRanges) else []
     return [z.source, *each]
-
-
-def _broken(z: Measurement) -> str:
-    """Why a measurement can be of no use, or nothing."""
-    if not np.isfinite(z.t):
-        return f"{z.called} stamp not finite"
-    if z.odometry is not None and not np.isfinite(z.odometry).all():
-        return "odometry not finite"
-    if z.odometry is not None and (np.abs(z.odometry[:2]) >= FAR).any():
-        return "odometry off any map"
-    return "" if z.useful else z.empty

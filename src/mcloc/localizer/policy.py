@@ -35,6 +35,10 @@ class UpdatePolicy(Configurable):
         moved, turned = np.hypot(u[0], u[1]), abs(u[2])
         return bool(moved >= enough * self.distance or turned >= enough * self.angle)
 
+    def coasted(self, u: NDArray[np.float64]) -> bool:
+        """Whether the move u (dx, dy, dθ) is far for one without any scan."""
+        return bool(max(np.hypot(u[0], u[1]), abs(u[2])) >= self.coast)
+
     def novelty(self, u: NDArray[np.float64]) -> float:
         """How much of a scan after the move u is news, LEAST_NOVELTY … 1.
 

@@ -50,11 +50,12 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
     """The state as what JSON knows, and as arrays."""
     belief, update = localizer.belief, localizer.update
     packed, of_belief = localizer.filter.packed(belief)
-    held = [] if localizer._guard.held is None else [localizer._guard.held]
-    wheels = localizer._odometry.guard.held
+    queue = localizer._queue
+    held = [] if queue.guard.held is None else [queue.guard.held]
+    wheels = queue.wheels.guard.held
     arrays: Arrays = {
         **{f"belief.{name}": array for name, array in of_belief.items()},
-        "odometry": _odometry_rows(localizer._odometry.events),
+        "odometry": _odometry_rows(queue.wheels.events),
         "odometry_held": _odometry_rows([] if wheels is None else [wheels]),
     }
     values: dict[str, Any] = {
@@ -68,18 +69,18 @@ def packed(localizer: Localizer) -> tuple[dict[str, Any], Arrays]:
         "ignored": dict(localizer.ignored),
         "evidence": {source: asdict(e) for source, e in belief.evidence.items()},
         "belief": packed,
-        "odometry_guard": _guard(localizer._odometry.guard),
-        "scan_guard": _guard(localizer._guard),
-        "newest": {source: str(t) for source, t in localizer._newest.items()},
+        "odometry_guard": _guard(queue.wheels.guard),
+        "scan_guard": _guard(queue.guard),
+        "newest": {source: str(t) for source, t in queue.newest.items()},
         "record": {source: asdict(record) for source, record in localizer.record.items()},
         "beacons_alone": localizer._beacons_alone,
-        "done": str(localizer._done),
+        "done": str(queue.done),
         "told_start": localizer.told_start,
         "used_at": {source: pose.tolist() for source, pose in localizer._used_at.items()},
         "stepped_at": None if localizer._stepped_at is None else localizer._stepped_at.tolist(),
         "forced": localizer._forced,
         "busy_until": str(localizer._busy_until),
-        "waiting": [_measured(z, f"waiting{k}", arrays) for k, z in enumerate(localizer._waiting)],
+        "waiting": [_measured(z, f"waiting{k}", arrays) for k, z in enumerate(queue.waiting)],
         "held": [_measured(z, "held", arrays) for z in held],
         "hypotheses": _listed(localizer.hypotheses),
         "update": None,
@@ -133,21 +134,22 @@ def _unpacked(
     )
     localizer.step = values["step"]
     localizer.ignored.update(Counter(values["ignored"]))
-    odometry = localizer._odometry
+    queue = localizer._queue
+    odometry = queue.wheels
     odometry.events.extend(Odometry(float(row[0]), row[1:]) for row in arrays["odometry"])
     for row in arrays["odometry_held"]:
         odometry.guard.held = Odometry(float(row[0]), row[1:])
     _set(odometry.guard, values["odometry_guard"])
-    _set(localizer._guard, values["scan_guard"])
+    _set(queue.guard, values["scan_guard"])
     for z in values["held"]:
-        localizer._guard.held = _measurement(z, "held", arrays)
-    localizer._waiting = [
+        queue.guard.held = _measurement(z, "held", arrays)
+    queue.waiting = [
         _measurement(z, f"waiting{k}", arrays) for k, z in enumerate(values["waiting"])
     ]
-    localizer._newest.update({source: float(t) for source, t in values["newest"].items()})
+    queue.newest.update({source: float(t) for source, t in values["newest"].items()})
     localizer.record.update({source: Record(**r) for source, r in values["record"].items()})
     localizer._beacons_alone = values["beacons_alone"]
-    localizer._done = float(values["done"])
+    queue.done = float(values["done"])
     localizer.told_start = values["told_start"]
     localizer._used_at = {source: np.array(p) for source, p in values["used_at"].items()}
     if values["stepped_at"] is not None:

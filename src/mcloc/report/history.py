@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.events import Message, Odometry, Sightings
+from mcloc.events import Message, Sightings
 from mcloc.geometry import Pose, between, compose, transported
-from mcloc.localizer import Estimate
+from mcloc.localizer import Estimate, Localizer
 from mcloc.report.rows import Rows
 from mcloc.trajectory import Trajectory
 
@@ -62,21 +62,22 @@ class History:
             for nth, n in enumerate(info.sizes):
                 self.sizes.add(e.update.step, nth, n)
 
-    def carry(self, event: Odometry) -> None:
-        """Carry the last estimate along the odometry to an event, if nothing was measured for some
-        time: sensors that see landmarks may see none for minutes. Not while the filter withholds.
+    def carry(self, localizer: Localizer, t: float) -> None:
+        """Carry its last estimate along the wheels to t, if nothing was measured for some time:
+        sensors that see landmarks may see none for minutes. Not while the filter withholds.
         """
-        if not len(self) or event.t - self.last("t") < SILENT:
+        odometry = localizer.wheels_at(t)
+        if odometry is None or not len(self) or t - self.last("t") < SILENT:
             return
         if len(self.withheld) and self.withheld.last[0] > self.last("t"):
             return
         last = np.array(self.rows.last)
-        u = between(last[-3:], event.pose)
+        u = between(last[-3:], odometry)
         covariance = np.empty((3, 3))
         covariance[UPPER] = covariance[UPPER[::-1]] = last[4:10]
         moved = transported(last[1:4], covariance, u)[UPPER]
         told = last[10 : ALL.index("explained_beams")]
-        self.rows.add(event.t, *compose(last[1:4], u), *moved, *told, np.nan, 1.0, *event.pose)
+        self.rows.add(t, *compose(last[1:4], u), *moved, *told, np.nan, 1.0, *odometry)
 
     def withhold(self, t: float, odometry: Pose) -> None:
         """Take note of a scan for which the filter told no pose; odometry: (3,) of the wheels."""

@@ -24,6 +24,7 @@ from mcloc.team.member import Member
 from mcloc.team.outbox import Carrier
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.post import Post
+from mcloc.team.team import PATIENCE
 
 OF_MEMBER: Mapping[str, type[Configurable]] = {**OF_TEAM, "peers": PeerPolicy}
 """What has parameters to set besides the parts of a run."""
@@ -79,7 +80,7 @@ class JoinedRun(Run):
             found, self.localizer.withheld = self.member.taken()
             estimates = self._noted(found, began)
             if isinstance(event, Odometry):
-                self.history.carry(event)
+                self.history.carry(self.localizer, event.t - PATIENCE)
             yield estimates
         if not len(self.history):
             raise LogError(

@@ -19,8 +19,7 @@ from mcloc.io.mrclam import Mrclam, is_mrclam
 from mcloc.io.tum import read_trajectory
 from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
-from mcloc.localizer.following import followed
-from mcloc.localizer.localizer import LATENCY
+from mcloc.localizer.queue import LATENCY
 from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.report.aids import aids_of, measured_log
@@ -82,13 +81,7 @@ class Run:
             self._last = event
             estimates = self._noted(self.localizer.process(event), began)
             if self.aids and isinstance(event, Odometry):
-                estimates += self._noted(followed(self.localizer, event.t - LATENCY), began)
-            if (
-                self.landmarks is not None
-                and isinstance(event, Odometry)
-                and self.localizer.wheels_reach(event.t)
-            ):
-                self.history.carry(event)
+                estimates += self._follow(event.t - LATENCY, began)
             yield estimates
         yield self._noted(self.localizer.finish(), began)
         if not len(self.history):
@@ -123,6 +116,13 @@ class Run:
         for t, odometry in self.localizer.withheld:
             self.history.withhold(t, odometry)
         self.wall_time = time.perf_counter() - began
+        return estimates
+
+    def _follow(self, t: float, began: float) -> list[Estimate]:
+        """Up to t by the wheels, where nothing has been measured for some time."""
+        estimates = self._noted(self.localizer.follow(t), began)
+        if self.landmarks is not None:
+            self.history.carry(self.localizer, t)
         return estimates
 
     def _events(self) -> Iterator[Event]:

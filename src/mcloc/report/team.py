@@ -26,7 +26,7 @@ from mcloc.report.summary import accuracy_against, known
 from mcloc.team.detection import DetectionModel
 from mcloc.team.packed_tree import packed
 from mcloc.team.policy import TeamPolicy
-from mcloc.team.team import Team
+from mcloc.team.team import PATIENCE, Team
 from mcloc.trajectory import Trajectory
 
 TOLD_SIGMA = (0.05, 0.05, 0.02)  # m, m, rad: how well a start pose is told
@@ -119,13 +119,16 @@ class TeamRun:
                 continue
             yield from self._noted(self.team.process(name, event))
             if isinstance(event, Odometry):
-                self.members[name].history.carry(event)
+                self._carry(name, event.t - PATIENCE)
         yield from self._noted(self.team.finish())
         if not any(len(member.history) for member in self.members.values()):
             raise LogError(
                 f"{self.config.data}: no robot ever had a place: none saw landmarks that it knows "
                 "of; name some with --landmarks-for, or say where they start with --told-start"
             )
+
+    def _carry(self, name: str, t: float) -> None:
+        self.members[name].history.carry(self.team.robots[name], t)
 
     def _noted(self, estimates: list[tuple[str, Estimate]]) -> Iterator[Estimate]:
         self.message_bytes += [len(packed(told.tree)) for told in self.team.told]

@@ -19,7 +19,6 @@ from mcloc.density_tree import DensityTree
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
-from mcloc.localizer.following import followed
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.inbox import Peer
 from mcloc.team.letters import WHY, Notice, Refusal, Reply
@@ -201,7 +200,7 @@ class Member:
         if waits or not t > self._followed:
             return
         self._followed = t + 0.2
-        self._note(followed(localizer, t))
+        self._note(localizer.follow(t))
 
     def _note(self, estimates: list[Estimate] | list[Estimate | None]) -> None:
         self.found += [estimate for estimate in estimates if estimate is not None]

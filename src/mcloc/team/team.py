@@ -15,7 +15,6 @@ from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
-from mcloc.localizer.following import followed
 from mcloc.maps.teammates import Teammates
 from mcloc.sensors.messages import tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
@@ -215,7 +214,7 @@ class Team:
         if self._queue or 0.0 <= t - self._followed.get(robot, -np.inf) < LOOKS:
             return []
         self._followed[robot] = t
-        return self._estimates(robot, followed(localizer, t))
+        return self._estimates(robot, localizer.follow(t))
 
     def _estimates(
         self, robot: str, estimates: list[Estimate] | list[Estimate | None]
