@@ -102,7 +102,7 @@ def ignored(table: Table) -> Finding:
 
 def no_harm(table: Table) -> Finding:
     """Even so, errors are smaller than without detections."""
-    found = against(table, "error", WINDOW, ALONE)
+    found = against(table, "off", WINDOW, ALONE)
     return _finding(found, [c.below for c in found], "mean error, the most")
 
 
@@ -138,7 +138,7 @@ def by_the_product(table: Table) -> Finding:
     on = {m: {"place": ROW, "method": m} for m in (TEMPERED, JOINT)}
     pairs = {
         f"{metric} of {TEMPERED} to {JOINT}": table.paired(metric, on[TEMPERED], on[JOINT])
-        for metric in ("missed", "surprise", "error")
+        for metric in ("missed", "surprise", "off")
     }
     found = compared(pairs)
     return Finding(
@@ -151,7 +151,7 @@ def by_the_product(table: Table) -> Finding:
 
 def draw(table: Table, figure: "Figure") -> None:
     """The share missed and the error, by place and method."""
-    for axes, metric in zip(figure.subplots(1, 2), ("missed", "error"), strict=True):
+    for axes, metric in zip(figure.subplots(1, 2), ("missed", "off"), strict=True):
         for k, method in enumerate(METHODS):
             for n, place in enumerate(PLACES):
                 values = table.where(place=place, method=method).column(metric)
@@ -182,7 +182,7 @@ STUDY = Study(
     run=run,
     metrics={
         "missed": "share missed",
-        "error": "mean error, m",
+        "off": "mean error, m",
         "nees": "median NEES",
         "surprise": "surprise, nats",
     },

@@ -49,7 +49,7 @@ def on_row(method: str, seed: int) -> Record:
             surprise.append(-float(np.log(max(belief[k, cell], np.finfo(float).tiny))))
     return {
         "missed": 1.0 - float(np.mean(covered)),
-        "error": float(np.mean(error)),
+        "off": float(np.mean(error)),
         "nees": None,
         "surprise": float(np.mean(surprise)),
     }
@@ -60,7 +60,7 @@ def in_office(method: str, seed: int, leads: bool) -> Record:
     covered, nees, error = np.array(followed(seed, leads, POLICIES[method])).T
     return {
         "missed": float(1.0 - covered.mean()),
-        "error": float(error.mean()),
+        "off": float(error.mean()),
         "nees": float(np.median(nees)),
         "surprise": None,
     }

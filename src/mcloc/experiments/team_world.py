@@ -124,7 +124,7 @@ class Found:
         """From its errors, which begin at 0 s."""
         when = found(errors, [])[0].after_s
         at = np.minimum(np.searchsorted(errors.t, MOMENTS), len(errors.t) - 1)
-        end = errors.position[errors.t > LIMIT - LAST]
+        end = errors.position[errors.t > errors.t[-1] - LAST]
         return cls(
             LIMIT if when is None else min(when, LIMIT),
             when is not None and when < LIMIT,
