@@ -7,15 +7,7 @@ from mcloc.experiments import team_row as row
 from mcloc.experiments.comparisons import Comparison, compared, graded, listed, told
 from mcloc.experiments.study import Claim, Finding, Study
 from mcloc.experiments.table import Record, Setting, Table
-from mcloc.experiments.team_runs import (
-    ALONE,
-    EVERY,
-    JOINT,
-    TEMPERED,
-    WINDOW,
-    in_office,
-    on_row,
-)
+from mcloc.experiments.team_runs import ALONE, EVERY, JOINT, TEMPERED, WINDOW, in_office, on_row
 from mcloc.experiments.team_wheels import PARTICLES, SIGMA, WHEELS
 
 if TYPE_CHECKING:
@@ -81,35 +73,43 @@ def against(table: Table, metric: str, one: str, other: str) -> list[Comparison]
     )
 
 
-def _finding(found: list[Comparison], holds: list[bool], what: str) -> Finding:
-    """Shown is the place where it holds the least."""
-    above = any(c.above for c in found)
-    shown = min(found, key=lambda c: c.ratio.value if above else -c.ratio.value)
-    return Finding(graded(holds), f"{what} ({shown.told})", shown.ratio, f"All: {listed(found)}.")
+def missing_more(table: Table, one: str, other: str) -> Finding:
+    """One method misses the truth more often than another. Shown is where it holds the least."""
+    found = against(table, "missed", one, other)
+    shown = min(found, key=lambda c: c.ratio.value)
+    return Finding(
+        graded([c.above for c in found]),
+        f"share missed, the least ({shown.told})",
+        shown.ratio,
+        f"All: {listed(found)}.",
+    )
 
 
 def too_sure(table: Table) -> Finding:
     """To use every sighting misses the truth more often than to use none."""
-    found = against(table, "missed", EVERY, ALONE)
-    return _finding(found, [c.above for c in found], "share missed, the least")
+    return missing_more(table, EVERY, ALONE)
 
 
 def ignored(table: Table) -> Finding:
     """It does so more often than to ignore those that are repeated."""
-    found = against(table, "missed", EVERY, WINDOW)
-    return _finding(found, [c.above for c in found], "share missed, the least")
+    return missing_more(table, EVERY, WINDOW)
+
+
+def tempered(table: Table) -> Finding:
+    """To temper by novelty misses less often still."""
+    return missing_more(table, WINDOW, TEMPERED)
 
 
 def no_harm(table: Table) -> Finding:
     """Even so, errors are smaller than without detections."""
     found = against(table, "off", WINDOW, ALONE)
-    return _finding(found, [c.below for c in found], "mean error, the most")
-
-
-def tempered(table: Table) -> Finding:
-    """To temper by novelty misses less often still."""
-    found = against(table, "missed", WINDOW, TEMPERED)
-    return _finding(found, [c.above for c in found], "share missed, the least")
+    shown = max(found, key=lambda c: c.ratio.value)
+    return Finding(
+        graded([c.below for c in found]),
+        f"mean error, the most ({shown.told})",
+        shown.ratio,
+        f"All: {listed(found)}.",
+    )
 
 
 def shares(table: Table, method: str) -> dict[str, Interval]:
