@@ -2,20 +2,26 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mcloc.density import Gaussian
+from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.events import Detection, Odometry, Scan
 from mcloc.filters.catalog import FILTERS, Composition
+from mcloc.filters.recovery import Evidence
 from mcloc.geometry import between, compose
 from mcloc.localizer import Localizer
 from mcloc.maps.occupancy import FREE, OCCUPIED, OccupancyGrid
 from mcloc.maps.teammates import Teammates
+from mcloc.particles import Particles
 from mcloc.simulation import ranges
-from mcloc.team.detection import DetectionModel
-from mcloc.team.team import Team, TeamPolicy
+from mcloc.team.detection import DetectionModel, message, to_seen
+from mcloc.team.policy import TeamPolicy
+from mcloc.team.team import Team
 
 MODEL = DetectionModel(sigma_range=0.2, sigma_bearing=0.1)
 START = {"a": np.array([2.0, 2.0, 0.0]), "b": np.array([4.0, 2.5, 1.0])}
@@ -179,6 +185,28 @@ def test_sensors_may_differ():
     assert np.hypot(*(team.robots["b"].hypotheses[0].mean - true)[:2]) < 0.5
 
 
+@pytest.mark.parametrize("filter", ["mixture", "mixture-balanced", "mcl", "sensor-resetting"])
+def test_who_is_lost_by_its_own_sensors_looks_where_it_is_told_and_nobody_else(filter):
+    """No message asks for that by itself, however little it fits."""
+    built = Composition(filter).build(floor(), Teammates())
+    believed = Gaussian(START["a"], np.diag([0.01, 0.01, 0.01]))
+    there = np.array([6.0, 6.0, 0.0])
+    teller, z = Particles.equal(there[:, None]), Detection(0.0, "me", 1.0, 0.0)
+    told = message(z, to_seen(teller, z, MODEL, Draws(1)), MODEL, "robot a")
+    lost, sure = {"laser": Evidence(0.1, 1.0, 100.0)}, {"laser": Evidence(1.0, 1.0, 100.0)}
+    found = []
+    for evidence in (lost, sure):
+        bel = replace(built.start(believed, Draws(2)), evidence=evidence)
+        for step in range(1, 4):
+            bel, info = built.step(bel, np.zeros(3), told, Draws(2, step))
+        assert info.doubt == 0.0
+        assert bel.evidence == evidence  # messages are no evidence of the robot's own sensors
+        near = np.hypot(*(bel.particles.states[:2] - [[7.0], [6.0]])) < 1.0
+        found.append(bel.particles.weights[near].sum())
+    assert found[1] == 0.0
+    assert (found[0] > 0.05) == (filter != "sensor-resetting")
+
+
 # When
 
 
@@ -321,6 +349,31 @@ def test_measurements_after_a_detection_wait_for_it():
     assert [name for name, _ in found][-1] == "a"
     assert team.used == 1
     assert not robots["a"].ignored
+
+
+def test_wrong_stamps_of_wheels_do_no_harm():
+    """One from the future would make a detection wait no longer."""
+    team = Team({n: member(n, 300) for n in "ab"}, MODEL)
+    still(team, [0.0])
+    for t in (math.nan, 1e6):
+        drive(team, "a", [t])
+    team.process("a", Detection(0.5, "b", 2.0, 0.1))
+    assert team.used == 0
+    assert not team.ignored
+    still(team, [1.0])
+    assert team.used == 1
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    """Once three events of the wheels say so, nothing is late by the clock that was before."""
+    team = Team({n: member(n, 300) for n in "ab"}, MODEL)
+    still(team, [1000.0])
+    team.process("a", Detection(1000.0, "b", 2.0, 0.1))
+    assert team.used == 1
+    still(team, [0.0, 0.5, 1.0, 1.5])
+    team.process("a", Detection(1.5, "b", 2.0, 0.1))
+    assert team.used == 2
+    assert not team.ignored
 
 
 def test_a_team_is_of_two_or_more_that_can_be_told():

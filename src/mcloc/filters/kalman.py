@@ -105,6 +105,8 @@ class KalmanFilter:
             weighed=weighed + (2 if doubt > 0.0 else 1) * POINTS,
             doubt=doubt,
         )
+        if isinstance(z, Message):
+            return replace(after, evidence=bel.evidence), info
         return replace(after, evidence={**bel.evidence, source: evidence}), info
 
     def hypotheses(self, bel: GaussianBelief) -> tuple[Hypothesis, ...]:

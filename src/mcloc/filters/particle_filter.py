@@ -118,8 +118,10 @@ class ParticleFilter:
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
         told = isinstance(z, Message)
-        # What others tell is no sign that the robot is lost: it is they who may be.
-        alpha = 0.0 if told else self.recovery.alpha(evidence)
+        # What others tell is no sign that the robot is lost: it is they who may be. But one that is
+        # lost by its own sensors may well be where they say.
+        judged = bel.evidence.values() if told else (evidence,)
+        alpha = max((self.recovery.alpha(e) for e in judged), default=0.0)
         searching = bel.searching or alpha > self.recovery.alpha(Evidence())
         filtered = 0.0
         if not searching:  # a filter that may be lost must see all that contradicts it
@@ -158,7 +160,7 @@ class ParticleFilter:
             sizes=tuple(sizes),
             filtered=filtered,
         )
-        found = {**bel.evidence, source: evidence}
+        found = bel.evidence if told else {**bel.evidence, source: evidence}
         return ParticleBelief(particles, found, searching=searching), info
 
     def hypotheses(self, bel: ParticleBelief) -> tuple[Hypothesis, ...]:

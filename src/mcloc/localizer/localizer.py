@@ -21,7 +21,7 @@ from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
 from mcloc.localizer.estimate import Estimate, Update, carried
 from mcloc.localizer.given_pose import covariance_of, given_pose
-from mcloc.localizer.leap_guard import LeapGuard
+from mcloc.localizer.leap_guard import LEAP, LeapGuard
 from mcloc.localizer.odometry_buffer import OdometryBuffer
 from mcloc.localizer.pace import Offline, Pace
 from mcloc.localizer.policy import UpdatePolicy
@@ -159,7 +159,7 @@ class Localizer:
         which is counted in `ignored`, or while the filter withholds its estimate.
         """
         self.withheld = []
-        if z.t < self._done:
+        if z.t < self.done:
             self.ignored[f"late {z.called}"] += 1
             return None
         return self._localize(z, at)
@@ -185,6 +185,11 @@ class Localizer:
         """(3,): their pose at t, odometry frame; None where it is not known."""
         return self._odometry.at(t)
 
+    @property
+    def wheels_until(self) -> float:
+        """Seconds: the newest stamp of the odometry, −inf before the first one."""
+        return self._odometry.guard.newest
+
     def wheels_reach(self, t: float) -> bool:
         """Whether nothing more will be known of them at t."""
         return self._odometry.reaches(t)
@@ -196,8 +201,11 @@ class Localizer:
 
     @property
     def done(self) -> float:
-        """Seconds: what has an earlier stamp comes too late."""
-        return self._done
+        """Seconds: what has an earlier stamp comes too late; −inf where the wheels' clock was set
+        back.
+        """
+        set_back = -np.inf < self.wheels_until < self._done - LEAP
+        return -np.inf if set_back else self._done
 
     def moved_since_step(self, at: Pose) -> Pose | None:
         """(3,): the move from the filter's last step to `at`; None before the first one."""
@@ -305,16 +313,14 @@ class Localizer:
         self._done = z.t
         u = np.zeros(3) if self._stepped_at is None else between(self._stepped_at, at)
         last = self._used_at.get(z.source)
-        moved = None if last is None else between(last, at)
+        moved = None if last is None or not z.repeats else between(last, at)
         doubtful = self.update is not None and self.update.info.doubt > 0.0
         due = moved is None or self._forced or not z.repeats or self.policy.due(moved, doubtful)
         if due and z.t < self._busy_until:
             self.ignored[f"{z.called} while the filter was busy"] += 1
             due = False
         if due:
-            news = z.novelty
-            if moved is not None and z.repeats:
-                news = self.policy.novelty(moved)
+            news = z.novelty if moved is None else self.policy.novelty(moved)
             self._beacons_alone = self._beacons_alone and isinstance(z, BeaconRanges)
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)

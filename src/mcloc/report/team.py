@@ -23,7 +23,8 @@ from mcloc.report.history import History
 from mcloc.report.summary import accuracy_against, known
 from mcloc.team.detection import DetectionModel
 from mcloc.team.packed_tree import packed
-from mcloc.team.team import Team, TeamPolicy
+from mcloc.team.policy import TeamPolicy
+from mcloc.team.team import Team
 from mcloc.trajectory import Trajectory
 
 TOLD_SIGMA = (0.05, 0.05, 0.02)  # m, m, rad: how well a start pose is told

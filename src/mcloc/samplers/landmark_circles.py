@@ -10,7 +10,6 @@ d the distance of the sensor from the landmark of sighting k  [Fox01 Eq. 19.3.7;
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,20 +54,6 @@ class LandmarkCircles:
         return CircleDensity(self.sensor, self.environment, self.floor, z, draws)
 
 
-class RangeModel(Protocol):
-    """Ranges, metres, of what is at a distance."""
-
-    @property
-    def range_max(self) -> float:
-        """The longest one that is measured."""
-
-    def sigma(self, d: Reals) -> Reals:
-        """The deviation at a distance d."""
-
-    def range_density(self, r: Reals | float, d: Reals) -> Reals:
-        """p(r | d) per metre, broadcast."""
-
-
 @dataclass(frozen=True, eq=False)
 class Ring:
     """Distances of a sensor from a landmark: d p(r | d), a straight line between knots; d itself
@@ -81,7 +66,7 @@ class Ring:
     values: Reals
 
     @classmethod
-    def of(cls, sensor: RangeModel, r: float) -> "Ring":
+    def of(cls, sensor: LandmarkModel, r: float) -> "Ring":
         """By a model and a measured range, NaN for none."""
         top = sensor.range_max + BEYOND * float(sensor.sigma(np.array(sensor.range_max)))
         knots = np.linspace(0.0, top, COARSE)

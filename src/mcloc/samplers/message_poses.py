@@ -49,9 +49,6 @@ class ToldPoses:
     tree: DensityTree
     draws: Draws
 
-    def __post_init__(self) -> None:
-        self.tree.log_values  # noqa: B018 - ready before threads ask for it
-
     def sample(self, draws: Draws, first: int, n: int) -> States:
         """(3, n): poses of the particles first … first + n − 1, map frame."""
         x = self.environment.sample(draws, first, n)

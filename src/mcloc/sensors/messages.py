@@ -4,6 +4,7 @@ is  [Fox01 Eq. 19.4.18, 19.4.19].
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,11 +84,14 @@ class MessageModel(Configurable):
         return np.where(true > false, 1.0, 0.0)
 
 
+@lru_cache(maxsize=4)
 def tree_of(z: Message) -> DensityTree:
-    """The density that a message tells."""
+    """The density that a message tells, ready to be asked by several threads."""
     space = SE2 if len(z.low) == 3 else PLANE
     nodes = z.axis, z.split, z.child, z.corner, z.width, z.weight
-    return DensityTree(space, z.floor, z.low, z.side, *nodes)
+    tree = DensityTree(space, z.floor, z.low, z.side, *nodes)
+    tree.log_values  # noqa: B018
+    return tree
 
 
 def message_of(

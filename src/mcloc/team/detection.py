@@ -12,6 +12,7 @@ faces.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,11 @@ from mcloc.particles import Particles
 from mcloc.registry import Configurable, param
 from mcloc.resampling import Systematic
 from mcloc.samplers.found_poses import robot_at
-from mcloc.samplers.landmark_circles import Ring
+from mcloc.samplers.landmark_circles import PEAK, Ring
 from mcloc.sensors.messages import message_of
 from mcloc.statespace import PLANE, SE2, States, StateSpace
+
+KNOTS = 257  # of the distances within PEAK deviations of a range
 
 Array = NDArray[np.float64]
 
@@ -38,7 +41,8 @@ class DetectionModel(Configurable):
 
     The defaults are those of the cameras with lasers of [Fox01 §19.4.2]: a mean error of 48.26 cm,
     which is σ √(2/π), one of 2.2° in bearing, 6.9 % false detections. σ_d² = σ_range² + (σ_relative
-    d)². A detection that is false is of any range and bearing, and so says nothing.
+    d)². A detection that is false is of any range and bearing, and so says nothing. p_detect and
+    fov are for robots that are not seen.
     """
 
     sigma_range: float = param(0.605, "m", "deviation of a range to 0 m", above=0, high=100)
@@ -50,6 +54,16 @@ class DetectionModel(Configurable):
     range_max: float = param(8.0, "m", "longest range that is measured", above=0, high=1e5)
     p_false: float = param(
         0.069, "", "ε: chance that there is no robot where one is seen", above=0, high=0.99
+    )
+    p_detect: float = param(
+        0.0,
+        "",
+        "chance that a robot in view is seen; 0: that none is seen says nothing",
+        low=0,
+        high=0.99,
+    )
+    fov: float = param(
+        2.0 * math.pi, "rad", "angle of view, half to each side", above=0, high=2.0 * math.pi
     )
     particles: int = param(
         5000, "", "poses that a belief is taken by when it is told", low=100, high=1e6
@@ -84,7 +98,7 @@ class DetectionModel(Configurable):
         """What a false detection is worth beside the density of a true one: p(z | false) over the
         integral of p(z | x, true) over the places or poses x of one of the two, per m² or m² rad.
         """
-        area = float(Ring.of(self, z.range).cumulative[-1])  # ∫ d N(r; d, σ_d²) dd
+        area = float(_ring(self, z.range).cumulative[-1])  # ∫ d N(r; d, σ_d²) dd
         return 1.0 / (2.0 * math.pi * self.range_max * area) / _headings(space)
 
     def usable(self, z: Detection) -> bool:
@@ -99,7 +113,7 @@ def to_seen(seer: Particles, z: Detection, model: DetectionModel, draws: Draws) 
     over x, y, and with a relative heading over x, y, θ.
     """
     drawn = _Drawn(seer, z, model, draws)
-    sensor = compose(drawn.poses.T, z.mount).T
+    sensor = compose(drawn.poses.T, z.mount).T if z.mount.any() else drawn.poses
     direction = sensor[2] + drawn.bearing
     x, y = sensor[0] + drawn.d * np.cos(direction), sensor[1] + drawn.d * np.sin(direction)
     if math.isnan(z.heading):
@@ -117,8 +131,13 @@ def to_seer(seen: Particles, z: Detection, model: DetectionModel, draws: Draws) 
     direction = facing + drawn.bearing  # from the seer
     x, y = drawn.poses[:2] - drawn.d * np.stack([np.cos(direction), np.sin(direction)])
     if math.isnan(z.heading) and math.isnan(z.bearing):
-        return _tree(robot_at(np.stack([x, y, facing]), z.mount)[:2])
-    return _tree(robot_at(np.stack([x, y, wrap(facing)]), z.mount))
+        return _tree(_robot(np.stack([x, y, facing]), z)[:2])
+    return _tree(_robot(np.stack([x, y, wrap(facing)]), z))
+
+
+def _robot(sensor: States, z: Detection) -> States:
+    """(3, n): the robots whose sensors are at these poses (3, n)."""
+    return robot_at(sensor, z.mount) if z.mount.any() else sensor
 
 
 def message(z: Detection, tree: DensityTree, model: DetectionModel, source: str) -> Message:
@@ -139,12 +158,20 @@ class _Drawn:
         ancestors = Systematic()(belief, n, draws).of(0, n)
         self.poses = np.take(belief.states, ancestors, axis=1)
         u, noise = draws.uniform(Stream.TREE, 0, n), draws.normal(Stream.MOTION, 0, n)
-        self.d = Ring.of(model, z.range).distance(u[0])
+        self.d = _ring(model, z.range).distance(u[0])
         self.around = 2.0 * math.pi * u[1]
         self.bearing = z.bearing + model.sigma_bearing * noise[0]
         if math.isnan(z.bearing):
             self.bearing = 2.0 * math.pi * u[2]
         self.heading = z.heading + model.sigma_heading * noise[1]
+
+
+@lru_cache(maxsize=16)
+def _ring(model: DetectionModel, r: float) -> Ring:
+    """Of one detection, which is asked for several times: d N(r; d, σ_d²) where it is not 0."""
+    reach = PEAK * float(model.sigma(np.array(r)))
+    knots = np.linspace(max(r - reach, 0.0), r + reach, KNOTS)
+    return Ring(knots, knots * model.range_density(r, knots))
 
 
 def _tree(states: States) -> DensityTree:

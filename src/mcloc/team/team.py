@@ -5,7 +5,7 @@ Eq. 19.4.17, 19.4.18].
 from bisect import insort
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,47 +15,20 @@ from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
-from mcloc.localizer.policy import LEAST_NOVELTY
 from mcloc.maps.teammates import Teammates
-from mcloc.registry import Configurable, param
 from mcloc.sensors.messages import silence, tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
+from mcloc.team.policy import TeamPolicy, Used, farther
+from mcloc.team.unseen import Unseen
 
-SEEN, SEER = 4 << 16, 5 << 16  # parts of the random numbers, for the beliefs that are pushed
+SEEN, SEER, UNSEEN = (
+    4 << 16,
+    5 << 16,
+    6 << 16,
+)  # parts of the random numbers, for the beliefs that are pushed
 PATIENCE = 1.0  # s that a detection waits for the wheels of both robots
+LOOKS = 0.2  # s between two looks whether the wheels have moved far
 WHEELS = "wheels"  # the source of messages that say nothing
-
-
-@dataclass(frozen=True)
-class TeamPolicy(Configurable):
-    """When a detection is used, and how finely the wheels are followed in between.
-
-    Two robots that see each other again tell each other what they told before, and what they had
-    from each other. So a detection of the same two is ignored within a window of time, unless one
-    of them has moved far enough since the last one that was used [Fox01 §19.4.1]. After the window
-    it counts by what the wheels have made new: as much as the farther one of them has moved of that
-    distance. On MRCLAM 6 with landmarks for one robot that took the NEES of the others from 17 to
-    10, and their errors were the same; of the wheels alone it is 15.
-    """
-
-    window: float = param(10.0, "s", "between two detections of the same robots", low=0, high=1e5)
-    distance: float = param(
-        2.5, "m", "that one of them has to move to have news", above=0, high=1e5
-    )
-    coast: float = param(
-        0.5, "m", "update by the wheels alone after driving (or m·rad turning) so far", above=0,
-        high=1e3,
-    )  # fmt: skip
-
-    def due(self, since: float, moved: float) -> bool:
-        """Whether a detection is used, so many seconds after the last one of the same robots, of
-        which one has moved so far (m).
-        """
-        return since >= self.window or moved >= self.distance
-
-    def novelty(self, moved: float) -> float:
-        """How much of what the two tell is news, LEAST_NOVELTY … 1."""
-        return min(max(moved / self.distance, LEAST_NOVELTY), 1.0)
 
 
 class Queued(NamedTuple):
@@ -74,13 +47,6 @@ class Told(NamedTuple):
     tree: DensityTree
 
 
-class Used(NamedTuple):
-    """A detection that was used: at t (s), with the wheels of both, by name."""
-
-    t: float
-    at: Mapping[str, Pose]
-
-
 class Team:
     """Robots by name, each with a localizer of its own: any filter, any sensors, one frame.
 
@@ -93,6 +59,10 @@ class Team:
     robots are known; what was measured after them waits for them. Between measurements a robot that
     has a place follows its wheels in steps: one that is told where it is once in minutes must not
     be as sure of it after a loop as after a straight line.
+
+    Where the model has p_detect > 0, a robot that another one has not seen for a window of time is
+    told so, by what that one has in view. By default it is not: the paper does without, since what
+    is told so often is soon told twice.
 
     Raises ConfigError for a team of one, and for localizers without Teammates among their aids.
     """
@@ -118,7 +88,7 @@ class Team:
         self.told: list[Told] = []
         self._queue: list[Queued] = []
         self._last: dict[frozenset[str], Used] = {}
-        self._newest = -np.inf  # s, of odometry
+        self._unseen = Unseen(self.robots, self.model, self.policy)
         self._followed: dict[str, float] = {}  # s, when it was looked whether to follow the wheels
 
     def process(self, robot: str, event: Event | Detection) -> list[tuple[str, Estimate]]:
@@ -130,9 +100,14 @@ class Team:
         self.told = []
         if isinstance(event, Odometry):
             found = self._estimates(robot, self.robots[robot].process(event))
-            if np.isfinite(event.t):
-                self._newest = max(self._newest, event.t)
-            return found + self._release() + self._follow(robot, event.t)
+            found += self._release()
+            if not np.isfinite(event.t):
+                return found
+            found += self._follow(robot, event.t)
+            if self.model.p_detect > 0.0 and not self._queue:
+                for name, message, at in self._unseen.told(robot, event.t - PATIENCE):
+                    found += self._estimates(name, [self.robots[name].take(message, at)])
+            return found
         if isinstance(event, Detection):
             reason = self._unusable(robot, event)
             if reason:
@@ -166,8 +141,9 @@ class Team:
         return found
 
     def _ready(self, seer: str, z: Detection) -> bool:
-        known = all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen))
-        return known or self._newest - z.t > PATIENCE
+        if all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen)):
+            return True
+        return max(one.wheels_until for one in self.robots.values()) - z.t > PATIENCE
 
     def _unusable(self, seer: str, z: Detection) -> str:
         """Why a detection can be of no use, or nothing."""
@@ -182,6 +158,7 @@ class Team:
     def _detected(self, seer: str, z: Detection) -> list[tuple[str, Estimate]]:
         """Each of the two is told where it is, by what the other one believed before."""
         both = {name: self.robots[name] for name in (seer, z.seen)}
+        self._unseen.note(seer, z)
         found: list[tuple[str, Estimate]] = []
         for name, localizer in both.items():
             found += self._estimates(name, localizer.catch_up(z.t))
@@ -215,7 +192,7 @@ class Team:
         last = self._last.get(frozenset(at))
         if last is None:
             return np.inf
-        return max(float(np.hypot(*(at[name] - last.at[name])[:2])) for name in at)
+        return farther(at, last.at)
 
     def _untimely(self, z: Detection, both: Mapping[str, Localizer], at: Mapping[str, Pose]) -> str:
         """Why a detection is not used now, or nothing."""
@@ -224,7 +201,7 @@ class Team:
         if any(z.t < localizer.done for localizer in both.values()):
             return "late detection"
         last = self._last.get(frozenset(both))
-        if last is not None and not self.policy.due(z.t - last.t, self._moved(at)):
+        if last is not None and not self.policy.due(abs(z.t - last.t), self._moved(at)):
             return "detection of the same robots again"
         if not any(localizer.placed for localizer in both.values()):
             return "detection between robots that have no place yet"
@@ -238,10 +215,11 @@ class Team:
         if (
             not localizer.placed
             or self._queue
-            or not t > max(self._followed.get(robot, -np.inf), localizer.done)
+            or not t > localizer.done
+            or 0.0 <= t - self._followed.get(robot, -np.inf) < LOOKS
         ):
             return []
-        self._followed[robot] = t + 0.2
+        self._followed[robot] = t
         at = localizer.wheels_at(t)
         if at is None:
             return []
