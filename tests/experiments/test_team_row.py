@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mcloc.experiments import team_row as row
-from mcloc.team.team import TeamPolicy
+from mcloc.team.policy import TeamPolicy
 
 
 def by_paths(seconds: list[row.Second], leads: bool) -> np.ndarray:

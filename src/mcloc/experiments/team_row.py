@@ -13,7 +13,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.team.team import TeamPolicy
+from mcloc.team.policy import TeamPolicy
 
 CELLS, CELL = 24, 0.5  # m
 ROBOTS, LEADER = 3, 0  # the leader has a sensor of its own

@@ -8,7 +8,7 @@ import numpy as np
 from mcloc.experiments import team_row as row
 from mcloc.experiments.table import Record
 from mcloc.experiments.team_wheels import followed
-from mcloc.team.team import TeamPolicy
+from mcloc.team.policy import TeamPolicy
 
 ALONE, EVERY, WINDOW, TEMPERED, JOINT = (
     "alone", "every sighting", "window", "window, tempered", "joint",

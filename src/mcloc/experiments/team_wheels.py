@@ -18,7 +18,8 @@ from mcloc.maps.teammates import Teammates
 from mcloc.particles import Particles
 from mcloc.simulation import TeamDrive, Wheels
 from mcloc.team.detection import DetectionModel
-from mcloc.team.team import Team, TeamPolicy
+from mcloc.team.policy import TeamPolicy
+from mcloc.team.team import Team
 
 ROBOTS, LEADER, ROOMS = 3, "1", 5
 PARTICLES = 2000
