@@ -44,9 +44,9 @@ and do not know where they are: {ROOMS} rooms on both sides of a corridor, other
 - *Sensors*: the paper does not tell by what its robots are localized. Here it is a ring of
   {RING.beams} beams that reach {RING.range_max:g} m, with an error of {RING.sigma:g} m; a scan
   counts as {SENSOR["effective_beams"]:g} readings with a deviation of {SENSOR["sigma_hit"]:g} m. By
-  a laser that looks 4 m far a robot is found within 2 to 4 m of driving, alone as well:
-  nothing would be left to tell. The ring was chosen by four drives, of seeds 1000 to 1003, of robots
-  that do not see each other: with it MCL found 3 of 8 within 30 s and 5 within a minute.
+  a laser that looks 4 m far a robot is found within 2 to 4 m of driving, alone as well: nothing
+  would be left to tell. The ring was chosen by four drives, of seeds 1000 to 1003, of robots that
+  do not see each other: with it MCL found 3 of 8 within 30 s and 5 within a minute.
 - *Detections*: once a second a robot looks for others, and sees one ahead (within 90° to either
   side), within 8 m and in sight with probability 0.9. Ranges and bearings have the paper's mean
   errors, 48.26 cm and 2.2°; 6.9 % of the detections are none and have any range and bearing. The
