@@ -15,6 +15,7 @@ from mcloc.experiments import (
     e10_few_samples,
     e11_kidnapped_museum,
     e12_ceiling_kidnapped,
+    e13_two_robots,
     e14_adaptive_sizes,
     e15_reinitialisation,
     e16_kidnapped,
@@ -23,6 +24,8 @@ from mcloc.experiments import (
     e19_global_localization_on_tiles,
     e20_kidnapped_on_tiles,
     e21_ablation,
+    e22_team_size,
+    e23_too_sure,
 )
 from mcloc.experiments.study import Study
 from mcloc.registry import suggest
@@ -41,6 +44,7 @@ STUDIES: Mapping[str, Study] = {
         e10_few_samples.STUDY,
         e11_kidnapped_museum.STUDY,
         e12_ceiling_kidnapped.STUDY,
+        e13_two_robots.STUDY,
         e14_adaptive_sizes.STUDY,
         e15_reinitialisation.STUDY,
         e16_kidnapped.STUDY,
@@ -49,6 +53,8 @@ STUDIES: Mapping[str, Study] = {
         e19_global_localization_on_tiles.STUDY,
         e20_kidnapped_on_tiles.STUDY,
         e21_ablation.STUDY,
+        e22_team_size.STUDY,
+        e23_too_sure.STUDY,
     )
 }
 

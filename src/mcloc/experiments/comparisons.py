@@ -44,9 +44,16 @@ def compared(pairs: Pairs) -> list[Comparison]:
     """As many comparisons: the ratios with their own intervals, the p-values corrected by Holm."""
     corrected = holm([paired_p(a, b) for a, b in pairs.values()])
     return [
-        Comparison(which, paired_ratio(a, b), float(p))
+        Comparison(which, _ratio(a, b), float(p))
         for (which, (a, b)), p in zip(pairs.items(), corrected, strict=True)
     ]
+
+
+def _ratio(a: Errors, b: Errors) -> Interval:
+    """Without limits where the second never errs: then the ratio is ∞, or none."""
+    if b.max() > 0.0:
+        return paired_ratio(a, b)
+    return Interval(np.inf if a.max() > 0.0 else np.nan, np.nan, np.nan)
 
 
 def ratios(pairs: Pairs) -> dict[str, Interval]:

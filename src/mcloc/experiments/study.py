@@ -96,6 +96,7 @@ class Study:
     def __post_init__(self) -> None:
         # They are columns of one table.
         assert not set(self.factors) & {*self.metrics, *TOLD}
+        assert not set(self.metrics) & set(TOLD)
 
     @property
     def folder(self) -> str:
