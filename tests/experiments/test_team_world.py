@@ -25,6 +25,7 @@ from mcloc.experiments.team_world import (
 )
 from mcloc.particles import Particles
 from mcloc.simulation import TeamDrive
+from mcloc.team.detection import DetectionModel
 from mcloc.trajectory import Trajectory
 
 
@@ -76,11 +77,11 @@ def test_robots_that_do_not_see_each_other_fare_as_in_a_larger_team(three: TeamD
 
 
 def test_what_detections_cost_is_counted(three: TeamDrive) -> None:
-    """Each is two sets that are pushed and two that are weighed, of 5,000 particles."""
+    """Each is two sets that are pushed, and two of 5,000 particles that are weighed."""
     short = cut(three, 25.0)
     replay = replayed(short, MCL, 4, True)
     assert replay.used > 0
-    assert replay.told == replay.used * 2 * (5000 + 5000)
+    assert replay.told == replay.used * 2 * (5000 + DetectionModel().particles)
     updates = replay.weighed / 5000
     assert 3 * 25.0 * 0.5 / 0.4 * 0.5 < updates < 3 * 25.0 / 0.4
 

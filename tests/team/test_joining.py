@@ -189,8 +189,13 @@ def test_clocks_may_be_apart_by_a_bound(folder, team, ahead):
         return
     assert one.member.used == two.member.used == 0
     for robot in (one, two):
-        assert robot.member.ignored
-        assert set(robot.member.ignored) == {"detection of a robot whose clock is not trusted"}
+        reasons = set(robot.member.ignored)
+        assert "detection of a robot whose clock is not trusted" in reasons
+        # One of them may end, with all that it could not use, before the other.
+        assert not reasons - {
+            "detection of a robot whose clock is not trusted",
+            "detection of a robot that is not heard",
+        }
 
 
 def test_rubbish_between_messages_changes_nothing(folder, team):

@@ -27,7 +27,7 @@ SIGMA = (0.3, 0.3, 0.1)  # m, m, rad: how well they are told where they start
 MOMENTS = np.arange(4.0, 60.0, 2.0)  # s
 LEVEL = 0.95
 WHEELS = Wheels(scale=0.0, drift=0.0, sigma_distance=0.1, sigma_turn=0.06, sigma_drift=0.05)
-STEP = TeamPolicy().coast  # m and rad between two steps of a filter that follows its wheels
+STEP = POLICY.coast  # m and rad between two steps of a filter that follows its wheels
 
 _ROOT = math.sqrt(STEP)  # the model's deviations grow with a step, those of wheels with its root
 MOTION = {

@@ -16,10 +16,12 @@ from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.events import Detection, Event, Scan
 from mcloc.filters.catalog import Composition
 from mcloc.localizer import Estimate, Localizer, UpdatePolicy
+from mcloc.localizer.localizer import WHEELS
 from mcloc.maps.teammates import Teammates
 from mcloc.report.history import History
 from mcloc.simulation import Laser, Scenario, Spotter, TeamDrive, office_world, simulate_team
-from mcloc.team.team import WHEELS, Team
+from mcloc.team.detection import DetectionModel
+from mcloc.team.team import Team
 from mcloc.trajectory import Trajectory
 
 ROOMS = 13
@@ -54,9 +56,9 @@ and do not know where they are: {ROOMS} rooms on both sides of a corridor, other
 - *MCL*: {PARTICLES:,} particles, {100 * RANDOM:g} % of them random, since a robot whose place no
   particle holds would not be found, whoever tells it [Fox99: "a small number"]; no doubt in the
   wheels. *mcloc's mixture* is its default filter with as many particles.
-- A team is mcloc's: both messages of a detection from the beliefs before it; repeated sightings of
-  the same pair are ignored within 10 s, unless one of the two has moved 2.5 m, and count by what
-  the wheels have made new.
+- A team is mcloc's: both messages of a detection from the beliefs before it, each told by
+  {DetectionModel().particles:,} poses; repeated sightings of the same pair are ignored within 10 s,
+  unless one of the two has moved 2.5 m, and count by what the wheels have made new.
 - A robot is *found* at the first moment from which its error stays below 0.5 m and 10° for 3 m. One
   that is not found within {LIMIT:g} s counts as {LIMIT:g} s: means are restricted means, and nobody
   is left out. It is *lost at the end* if its mean error in the last {LAST:g} s is above
