@@ -29,8 +29,8 @@ being the same, random numbers too, so that runs are compared in pairs. Figures 
 of its two robots. *Lost again*: found at some moment, and lost at the end.
 
 Predictions and rules were written before any run with detections had been looked at, but for how
-long one takes and how many detections it uses (seed 1000). When they were ready seed 0 was run once, to
-see that it runs; nothing was changed after that.
+long one takes and how many detections it uses (seed 1000). When they were ready seed 0 was run
+once, to see that it runs; nothing was changed after that.
 """
 
 
