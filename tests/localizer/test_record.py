@@ -40,15 +40,15 @@ def test_each_beacon_is_judged_by_itself_and_by_its_news():
     pose = [1.0, 1.0, 0.0]
     noted(records, ranges_from(pose, off=(0.0, 5.0, np.nan)), 0.4, update(pose), sensor)
     assert records == {
-        "beacon 0": Record(0.4, 0.0),
-        "beacon 1": Record(0.4, 0.4),
-        "beacon 2": Record(),
+        "beacon 0": Record(0.4, 0.0, False),
+        "beacon 1": Record(0.4, 0.4, False),
+        "beacon 2": Record(conclusive=False),
     }
     z = told(ranges_from(pose), {**records, "laser": Record(10.0, 1.0)})
     assert z.heard.tolist() == [0.4, 0.4, 0.0]
     assert z.failed.tolist() == [0.0, 0.4, 0.0]
     assert z.usual == 0.1  # the laser's
-    assert told(z, {**records, "beacon 2": Record(1.0, 0.25)}).usual == 0.25  # beacons alone
+    assert told(z, {**records, "beacon 2": Record(1.0, 0.25, False)}).usual == 0.25  # beacons alone
     assert z.alone
     assert told(z, {}, alone=False).usual == 0.0
     assert not told(z, {}, alone=False).alone
@@ -56,7 +56,7 @@ def test_each_beacon_is_judged_by_itself_and_by_its_news():
 
 def test_beacons_that_all_fail_do_not_excuse_each_other():
     """They were surveyed in another frame, say; a laser that fits tells so."""
-    bad = {f"beacon {k}": Record(40.0, 36.0) for k in range(3)}
+    bad = {f"beacon {k}": Record(40.0, 36.0, False) for k in range(3)}
     sensor, z = BeaconModel(BEACONS), ranges_from([1.0, 1.0, 0.0])
     beside = told(z, {**bad, "laser": Record(40.0, 4.0)}, alone=False)
     assert sensor.trust(beside) == pytest.approx(np.full(3, 5.0 / 38.0))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mcloc.draws import Draws, Stream
 from mcloc.estimate import Hypothesis, away, hypotheses
-from mcloc.events import Message, Scan
+from mcloc.events import Scan
+from mcloc.events.measured import is_own
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.models import Models
 from mcloc.filters.recovery import LITTLE, Evidence, Recovery
@@ -102,7 +103,7 @@ class GridProposalFilter:
         if math.hypot(*np.ptp(np.take(states[:2], kept, axis=1), axis=1)) < self.collapsed:
             settled, renewed = True, self._none_renewed
         average = bel.average
-        if not isinstance(z, Message):  # what others tell is no sign that the robot is lost
+        if is_own(z):  # what others tell is no sign that the robot is lost
             highest = math.exp(float(log_p.max()) / readings)
             average = highest if bel.unknown else average + self.rate * (highest - average)
         evidence = bel.evidence.get(source, Evidence()).updated(

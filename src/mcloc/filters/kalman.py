@@ -18,6 +18,7 @@ from mcloc.draws import Draws
 from mcloc.errors import ConfigError
 from mcloc.estimate import Hypothesis, away
 from mcloc.events import BeaconRanges, Message, Sightings
+from mcloc.events.measured import is_own
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.landmark_ekf import LandmarkEKF
 from mcloc.filters.models import Models
@@ -105,7 +106,7 @@ class KalmanFilter:
             weighed=weighed + (2 if doubt > 0.0 else 1) * POINTS,
             doubt=doubt,
         )
-        if isinstance(z, Message):
+        if not is_own(z):
             return replace(after, evidence=bel.evidence), info
         return replace(after, evidence={**bel.evidence, source: evidence}), info
 

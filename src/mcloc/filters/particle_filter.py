@@ -11,7 +11,7 @@ import numpy as np
 
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis, away, hypotheses
-from mcloc.events import BeaconRanges, Message
+from mcloc.events.measured import is_conclusive, is_own
 from mcloc.filters.drawing import draw
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.people import NoPeopleFilter
@@ -117,10 +117,9 @@ class ParticleFilter:
         """
         source = self.sensor.source(z)
         evidence = bel.evidence.get(source, Evidence())
-        told = isinstance(z, Message)
         # What others tell is no sign that the robot is lost: it is they who may be. But one that is
         # lost by its own sensors may well be where they say.
-        judged = bel.evidence.values() if told else (evidence,)
+        judged = (evidence,) if is_own(z) else bel.evidence.values()
         alpha = max((self.recovery.alpha(e) for e in judged), default=0.0)
         searching = bel.searching or alpha > self.recovery.alpha(Evidence())
         filtered = 0.0
@@ -129,9 +128,7 @@ class ParticleFilter:
         sizes: list[int] = []
         drawn = self._draw(bel, u, z, alpha, 0.0, draws, sizes)
         total, likelihood = self._totals(drawn[0], z, filtered)
-        # One range that is off is an outlier more often than a lie of the wheels.
-        doubted = not (told or isinstance(z, BeaconRanges))
-        doubt = self.recovery.doubt(evidence, likelihood) if doubted else 0.0
+        doubt = self.recovery.doubt(evidence, likelihood) if is_conclusive(z) else 0.0
         if doubt > 0.0:
             drawn = self._draw(bel, u, z, alpha, doubt, draws, sizes)
             total, likelihood = self._totals(drawn[0], z, filtered)
@@ -160,7 +157,7 @@ class ParticleFilter:
             sizes=tuple(sizes),
             filtered=filtered,
         )
-        found = bel.evidence if told else {**bel.evidence, source: evidence}
+        found = {**bel.evidence, source: evidence} if is_own(z) else bel.evidence
         return ParticleBelief(particles, found, searching=searching), info
 
     def hypotheses(self, bel: ParticleBelief) -> tuple[Hypothesis, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mcloc.draws import Draws
-from mcloc.events import Message
+from mcloc.events.measured import is_own
 from mcloc.filters.filter import StepInfo
 from mcloc.filters.particle_filter import ParticleBelief, ParticleFilter
 from mcloc.filters.recovery import Augmented, Evidence, Recovery
@@ -38,7 +38,7 @@ class SensorResetting(ParticleFilter):
     ) -> tuple[ParticleBelief, StepInfo]:
         """As of any particle filter."""
         after, info = super().step(bel, u, z, draws)
-        alpha = 0.0 if isinstance(z, Message) else self.resetting.alpha(info.evidence)
+        alpha = self.resetting.alpha(info.evidence) if is_own(z) else 0.0
         if alpha == 0.0 or bel.uniform:
             return after, info
         n = max(round(alpha * info.n), 1)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mcloc.draws import Draws
 from mcloc.estimate import Hypothesis
-from mcloc.events import BeaconRanges, Event, Measurement, Odometry
+from mcloc.events import Event, Measurement, Odometry
 from mcloc.filters.catalog import Composition
 from mcloc.filters.filter import Belief, Filter
 from mcloc.geometry import Pose, between
@@ -79,7 +79,7 @@ class Localizer:
         self.update: Update | None = None
         self.hypotheses: tuple[Hypothesis, ...] = ()  # of the last estimate
         self.record: Records = {}
-        self._beacons_alone = True  # so far: nothing else has been used
+        self._beacons_alone = True  # so far: nothing conclusive has been used
         self._queue = Queue(self.ignored)
         self._used_at: dict[str, Pose] = {}  # by laser: odometry at its last scan that was used
         self._stepped_at: Pose | None = None  # odometry at the filter's last step
@@ -269,10 +269,10 @@ class Localizer:
         """What is measured apart: each beacon by itself, so that a bad one is found out; but for
         the first ranges after a start, since several of them tell a place and one of them does not.
         """
-        if not isinstance(z, BeaconRanges) or self.update is None:
+        if self.update is None:
             return [z]
-        each = list(z.of_each())
-        useful: list[Measurement] = [one for one in each if one.useful]
+        each: list[Measurement] = list(z.parts())
+        useful = [one for one in each if one.useful]
         if len(useful) < len(each):
             self.ignored[z.empty] += len(each) - len(useful)
         return useful
@@ -292,7 +292,7 @@ class Localizer:
             due = False
         if due:
             news = z.novelty if moved is None else self.policy.novelty(moved)
-            self._beacons_alone &= isinstance(z, BeaconRanges) or not z.useful
+            self._beacons_alone &= not z.conclusive
             self.update = self._measure(self.told(replace(z, novelty=news)), u)
             noted(self.record, z, news, self.update, self.filter.sensor)
             if self.filter.sensor.readings(z) <= NOTHING:
@@ -300,8 +300,7 @@ class Localizer:
             beams = self.filter.sensor.beams(z)
             self._busy_until = z.t + self.pace.seconds(self.update, beams)
             self._stepped_at = at
-            for source in _sources(z):
-                self._used_at[source] = at
+            self._used_at.update(dict.fromkeys([z.source, *(one.source for one in z.parts())], at))
             self._forced = False
             u = np.zeros(3)
         assert self.update is not None  # the first measurement after a start is always used
@@ -328,9 +327,3 @@ class Localizer:
         self.belief, self._warm = belief, True
         self.step += 1
         return Update(self.step - 1, info, belief.particles, found, explained, took)
-
-
-def _sources(z: Measurement) -> list[str]:
-    """Those of which a measurement is one: each beacon is a source of its own."""
-    each = [one.source for one in z.of_each()] if isinstance(z, BeaconRanges) else []
-    return [z.source, *each]

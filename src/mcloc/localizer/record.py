@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mcloc.events import BEACON, BeaconRanges, Measurement, Message
+from mcloc.events import BeaconRanges, Measurement
 from mcloc.localizer.estimate import Update
 from mcloc.protocols import SensorModel
 
@@ -18,17 +18,19 @@ class Record:
     """Of the readings of one sensor, counted where the filter was sure of the place.
 
     heard: how many of them were news. failed: how many of these the map did not explain at the best
-    hypothesis.
+    hypothesis. conclusive: whether they are, see Measured.
     """
 
     heard: float = 0.0
     failed: float = 0.0
+    conclusive: bool = True
 
     def with_reading(self, novelty: float, explained: float) -> "Record":
         """With one more; NaN explains nothing and fails in nothing."""
         if math.isnan(explained):
             return self
-        return Record(self.heard + novelty, self.failed + novelty * (1.0 - explained))
+        failed = self.failed + novelty * (1.0 - explained)
+        return replace(self, heard=self.heard + novelty, failed=failed)
 
     @property
     def share_failed(self) -> float:
@@ -46,7 +48,7 @@ def told(z: Measurement, records: Mapping[str, Record], alone: bool = True) -> M
     """
     if not isinstance(z, BeaconRanges):
         return z
-    of = [records.get(one.source, Record()) for one in z.of_each()]
+    of = [records.get(one.source, Record()) for one in z.parts()]
     heard, failed = (np.array([getattr(r, name) for r in of]) for name in ("heard", "failed"))
     usual = _usual(records)
     return replace(z, heard=heard, failed=failed, usual=usual, alone=alone)
@@ -57,9 +59,9 @@ def _usual(records: Mapping[str, Record]) -> float:
     beacons, if there are any. Beacons that were surveyed in another frame all fail, and must not
     excuse each other.
     """
-    heard = {name: record for name, record in records.items() if record.heard > 0.0}
-    others = [record for name, record in heard.items() if not name.startswith(BEACON)]
-    shares = [record.share_failed for record in others or heard.values()]
+    heard = [record for record in records.values() if record.heard > 0.0]
+    others = [record for record in heard if record.conclusive]
+    shares = [record.share_failed for record in others or heard]
     return float(np.median(shares)) if shares else 0.0
 
 
@@ -71,11 +73,12 @@ def noted(
     A filter that may be in several places knows nothing of how its sensors do; and what others
     tell is of no sensor of the robot's.
     """
-    if isinstance(z, Message) or not update.hypotheses or update.hypotheses[0].share < SURE:
+    if not z.own or not update.hypotheses or update.hypotheses[0].share < SURE:
         return
     found = {z.source: update.explained}
     if isinstance(z, BeaconRanges):
         best = np.ascontiguousarray(update.hypotheses[0].mean[:, None])
-        found = {one.source: float(sensor.explained(best, one)[0]) for one in z.of_each()}
+        found = {one.source: float(sensor.explained(best, one)[0]) for one in z.parts()}
     for name, explained in found.items():
-        records[name] = records.get(name, Record()).with_reading(novelty, explained)
+        record = records.get(name, Record(conclusive=z.conclusive))
+        records[name] = record.with_reading(novelty, explained)

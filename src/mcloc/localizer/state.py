@@ -25,7 +25,7 @@ from mcloc.particles import Particles
 from mcloc.registry import parameters
 from mcloc.storage import Arrays, read_state, write_state
 
-VERSION = 7
+VERSION = 8
 
 
 def save(localizer: Localizer, path: str | Path) -> None:
