@@ -24,7 +24,7 @@ from mcloc.events import Detection, Odometry, Scan
 from mcloc.filters.catalog import Composition
 from mcloc.io.mrclam import robots_in
 from mcloc.kernels.jit import set_threads
-from mcloc.localizer import Localizer
+from mcloc.localizer import Localizer, UpdatePolicy
 from mcloc.maps.occupancy import FREE, OccupancyGrid
 from mcloc.maps.teammates import Teammates
 from mcloc.report.team import TeamConfig, TeamRun
@@ -234,10 +234,17 @@ def _detection_ms(n: int = 200) -> float:
     floor = OccupancyGrid(np.full((160, 160), FREE, dtype=np.int8), 0.1, np.zeros(3))
     composed = Composition("mcl", size="fixed", settings={"size": {"particles": 5000}})
     robots = {
-        name: Localizer(floor, composed, aids=(Teammates(),), seed=k, initial=(7.0 + k, 7.5, 0.0))
+        name: Localizer(
+            floor,
+            composed,
+            aids=(Teammates(),),
+            seed=k,
+            initial=(7.0 + k, 7.5, 0.0),
+            policy=UpdatePolicy(coast=1000.0),
+        )
         for k, name in enumerate("ab")
     }
-    team, took = Team(robots, policy=TeamPolicy(window=0.0, coast=1000.0)), []
+    team, took = Team(robots, policy=TeamPolicy(window=0.0)), []
     for k in range(n):
         for name in "ab":
             team.process(name, Odometry(float(k), np.array([0.01 * (k % 20), 0.0, 0.0])))

@@ -5,7 +5,7 @@ import pytest
 
 from mcloc.events import Odometry, Sightings
 from mcloc.geometry import compose
-from mcloc.localizer import Localizer, UpdatePolicy
+from mcloc.localizer import Localizer, Modelled, UpdatePolicy
 from mcloc.maps.landmarks import Landmarks, open_floor
 
 PLACES = [[2.0, 0.0], [0.0, 3.0], [-2.5, -1.0]]
@@ -63,3 +63,19 @@ def test_who_has_no_place_follows_nothing():
     for t in range(20):
         localizer.process(Odometry(float(t), np.array([float(t), 0.0, 0.0])))
         assert localizer.follow(float(t)) == []
+
+
+def test_a_busy_filter_follows_nothing():
+    localizer = Localizer(
+        open_floor(np.array(PLACES), 8.0, "floor"),
+        "mcl",
+        aids=[Landmarks.numbered(PLACES)],
+        seed=1,
+        initial=START,
+        pace=Modelled(1.0),
+    )
+    localizer.process(Sightings(0.0, [0], [2.0], [np.nan], odometry=np.zeros(3)))
+    for t in range(1, 10):
+        localizer.process(Odometry(float(t), np.array([float(t), 0.0, 0.0])))
+        assert localizer.follow(float(t)) == []
+    assert not localizer.ignored

@@ -1,4 +1,4 @@
-"""The world of E12: a museum with a robot that sees nothing but the ceiling."""
+"""The world of E7 and E12: a museum with a robot that sees nothing but the ceiling."""
 
 from functools import lru_cache
 
@@ -6,13 +6,16 @@ from numpy.typing import ArrayLike
 
 from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.filters.catalog import Composition
-from mcloc.localizer import Localizer
+from mcloc.localizer import Localizer, UpdatePolicy
+from mcloc.localizer.pace import Pace
 from mcloc.report.history import History
 from mcloc.simulation import CeilingDrive, CeilingTour, ceiling_drive, museum_world
 
 MODEL = "ceiling-brightness"  # what the papers measure
 LOST = 2.0  # m
 SIGMA = (0.2, 0.2, 0.1)  # of a start that is known; m, m, rad
+EACH_IMAGE = UpdatePolicy(distance=0.0, angle=0.0, decorrelation=1e-3)
+"""Each image is used, and counts in full."""
 
 
 @lru_cache(maxsize=2)  # runs come seed by seed, and settings share drives
@@ -27,6 +30,8 @@ def watched(
     seed: int,
     *,
     initial: ArrayLike | None = None,
+    policy: UpdatePolicy | None = None,
+    pace: Pace | None = None,
 ) -> tuple[History, Localizer]:
     """What was found at each image, and the localizer after the last one; as `localized`."""
     localizer = Localizer(
@@ -36,6 +41,8 @@ def watched(
         seed=seed,
         initial=initial,
         initial_sigma=SIGMA,
+        policy=policy,
+        pace=pace,
     )
     history = History()
     for estimate in localizer.run(drive):

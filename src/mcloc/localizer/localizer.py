@@ -138,7 +138,8 @@ class Localizer:
         A robot that measures nothing for minutes must not be as sure of its place after a loop as
         after a straight line: the noise of a move is that of its pieces.
         """
-        if not self.placed or not t > self.done or not self._coasted(t):
+        idle = self.placed and t > self.done and t >= self._busy_until
+        if not idle or not self._coasted(t):
             return []
         # A sighting after minutes without any waits for the next one, to be confirmed by its stamp.
         found = self.catch_up(t)
