@@ -6,6 +6,25 @@ from typing import Annotated, Any
 import typer
 
 from mcloc.cli.job import Job, execute
+from mcloc.cli.options import (
+    Config,
+    End,
+    Filter,
+    Initial,
+    InitialSigma,
+    Json,
+    Motion,
+    Out,
+    Particles,
+    Plot,
+    Recovery,
+    Seed,
+    Sensor,
+    Size,
+    Start,
+    Threads,
+    Truth,
+)
 from mcloc.cli.values import pose, seconds, settings, topics
 from mcloc.errors import ConfigError
 
@@ -38,21 +57,8 @@ def run(
             "Scans and odometry are found by type where this names none.",
         ),
     ] = None,
-    initial: Annotated[
-        str | None,
-        _Option(
-            metavar="X,Y,THETA_DEG",
-            help="Where the robot starts, in the map frame (m, m, degrees), such as 12.5,-3,90. "
-            "Without it the robot is searched for on the whole map.",
-        ),
-    ] = None,
-    initial_sigma: Annotated[
-        str | None,
-        _Option(
-            metavar="SX,SY,STHETA_DEG",
-            help="Standard deviations of --initial (m, m, degrees), such as 0.5,0.5,15.",
-        ),
-    ] = None,
+    initial: Initial = None,
+    initial_sigma: InitialSigma = None,
     search: Annotated[
         bool,
         _Option(
@@ -60,48 +66,15 @@ def run(
             help="Search on the whole map, also where the --config file has a start pose.",
         ),
     ] = False,
-    start: Annotated[
-        float | None,
-        _Option(metavar="T", help="Begin at this stamp of the log (s)."),
-    ] = None,
-    end: Annotated[
-        float | None,
-        _Option(metavar="T", help="End at this stamp of the log (s)."),
-    ] = None,
-    truth: Annotated[
-        str | None,
-        _Option(
-            metavar="FILE",
-            help="The true path in the map frame, to tell the accuracy by: CSV with a header "
-            "t,x,y,theta (s, m, m, rad), or TUM.",
-        ),
-    ] = None,
-    filter: Annotated[
-        str | None,
-        _Option(
-            metavar="NAME",
-            help="mixture (default), mcl, markov-grid, octree, grid-proposal, kalman, topological "
-            "and others; `mcloc models` lists all names.",
-        ),
-    ] = None,
-    motion: Annotated[str | None, _Option(metavar="NAME", help="The motion model.")] = None,
-    sensor: Annotated[str | None, _Option(metavar="NAME", help="The sensor model.")] = None,
-    size: Annotated[
-        str | None,
-        _Option(
-            metavar="NAME",
-            help="How many particles: kld (as many as the spread of the belief needs), fixed, "
-            "likelihood-sum or time-budget.",
-        ),
-    ] = None,
-    particles: Annotated[
-        int | None,
-        _Option(metavar="N", help="With --size fixed: how many. Else: at most this many."),
-    ] = None,
-    recovery: Annotated[
-        str | None,
-        _Option(metavar="NAME", help="From kidnapping: none, random or augmented."),
-    ] = None,
+    start: Start = None,
+    end: End = None,
+    truth: Truth = None,
+    filter: Filter = None,
+    motion: Motion = None,
+    sensor: Sensor = None,
+    size: Size = None,
+    particles: Particles = None,
+    recovery: Recovery = None,
     resampler: Annotated[
         str | None,
         _Option(
@@ -217,14 +190,7 @@ def run(
             "repeated. `mcloc models` lists all with their units.",
         ),
     ] = None,
-    config: Annotated[
-        Path | None,
-        _Option(
-            metavar="FILE",
-            help="Take everything from a YAML file, such as the config.yaml of an earlier run; "
-            "options given beside it win.",
-        ),
-    ] = None,
+    config: Config = None,
     nav2_params: Annotated[
         Path | None,
         _Option(
@@ -233,19 +199,10 @@ def run(
             "file, and say what cannot; options given beside it win.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None,
-        _Option(metavar="S", help="Of the random numbers: the same seed, the same estimates."),
-    ] = None,
-    threads: Annotated[
-        int | None,
-        _Option(metavar="T", help="Threads; without it one a core. No result depends on it."),
-    ] = None,
-    out: Annotated[
-        Path,
-        _Option(metavar="DIR", help="The folder for the results; its files are replaced."),
-    ] = Path("mcloc-out"),
-    plot: Annotated[bool, _Option("--plot/--no-plot", help="Draw run.png.")] = True,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("mcloc-out"),
+    plot: Plot = True,
     gif: Annotated[bool, _Option("--gif", help="Draw run.gif: the run as a short film.")] = False,
     record: Annotated[
         bool,
@@ -271,9 +228,7 @@ def run(
             "of an uninterrupted run.",
         ),
     ] = False,
-    json: Annotated[
-        bool, _Option("--json", help="Print summary.json to stdout, and nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Localize a robot: a map and a recorded log in, its path in the map out.
 

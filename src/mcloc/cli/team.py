@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mcloc.cli.options import Filter, Json, Motion, Recovery, Seed, Size, Threads
 from mcloc.cli.values import robots, settings
 from mcloc.errors import ConfigError
 
@@ -62,19 +63,10 @@ def run_team(
             show_default=False,
         ),
     ] = True,
-    filter: Annotated[
-        str | None,
-        _Option(
-            metavar="NAME", help="mixture (default), mcl and others; `mcloc models` lists them."
-        ),
-    ] = None,
-    motion: Annotated[str | None, _Option(metavar="NAME", help="The motion model.")] = None,
-    size: Annotated[
-        str | None, _Option(metavar="NAME", help="How many particles: kld, fixed and others.")
-    ] = None,
-    recovery: Annotated[
-        str | None, _Option(metavar="NAME", help="From kidnapping: none, random or augmented.")
-    ] = None,
+    filter: Filter = None,
+    motion: Motion = None,
+    size: Size = None,
+    recovery: Recovery = None,
     assignments: Annotated[
         list[str] | None,
         _Option(
@@ -85,14 +77,8 @@ def run_team(
             "their units. What is not set of detections is as of landmarks: one camera sees both.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None,
-        _Option(metavar="S", help="Of the random numbers: the same seed, the same estimates."),
-    ] = None,
-    threads: Annotated[
-        int | None,
-        _Option(metavar="T", help="Threads; without it one a core. No result depends on it."),
-    ] = None,
+    seed: Seed = None,
+    threads: Threads = None,
     out: Annotated[
         Path | None,
         _Option(
@@ -101,9 +87,7 @@ def run_team(
             "estimates) and robotN.tum (its path).",
         ),
     ] = None,
-    json: Annotated[
-        bool, _Option("--json", help="Print the summary as JSON to stdout, and nothing else.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Replay the robots of an MRCLAM folder in one process: each with a filter of its own, and each
     told where it is whenever one of them sees another.

@@ -7,6 +7,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mcloc.cli.job import Job, execute
+from mcloc.cli.options import (
+    Config,
+    End,
+    Filter,
+    Initial,
+    InitialSigma,
+    Json,
+    Motion,
+    Out,
+    Particles,
+    Plot,
+    Recovery,
+    Seed,
+    Sensor,
+    Size,
+    Start,
+    Threads,
+    Truth,
+)
 from mcloc.cli.values import pose, settings
 from mcloc.errors import ConfigError, MessageError
 
@@ -99,48 +118,17 @@ def join(
             "--connect or --search is given, else 0.",
         ),
     ] = None,
-    initial: Annotated[
-        str | None,
-        _Option(
-            metavar="X,Y,THETA_DEG",
-            help="Where the robot starts, in the map frame (m, m, degrees). Without it it is "
-            "searched for on the whole map.",
-        ),
-    ] = None,
-    initial_sigma: Annotated[
-        str | None,
-        _Option(
-            metavar="SX,SY,STHETA_DEG", help="Standard deviations of --initial (m, m, degrees)."
-        ),
-    ] = None,
-    truth: Annotated[
-        str | None,
-        _Option(metavar="FILE", help="The true path in the map frame: CSV or TUM."),
-    ] = None,
-    start: Annotated[
-        float | None, _Option(metavar="T", help="Begin at this stamp of the log (s).")
-    ] = None,
-    end: Annotated[
-        float | None, _Option(metavar="T", help="End at this stamp of the log (s).")
-    ] = None,
-    filter: Annotated[
-        str | None,
-        _Option(
-            metavar="NAME", help="mixture (default), mcl and others; `mcloc models` lists them."
-        ),
-    ] = None,
-    motion: Annotated[str | None, _Option(metavar="NAME", help="The motion model.")] = None,
-    sensor: Annotated[str | None, _Option(metavar="NAME", help="The sensor model.")] = None,
-    size: Annotated[
-        str | None, _Option(metavar="NAME", help="How many particles: kld, fixed and others.")
-    ] = None,
-    particles: Annotated[
-        int | None,
-        _Option(metavar="N", help="With --size fixed: how many. Else: at most this many."),
-    ] = None,
-    recovery: Annotated[
-        str | None, _Option(metavar="NAME", help="From kidnapping: none, random or augmented.")
-    ] = None,
+    initial: Initial = None,
+    initial_sigma: InitialSigma = None,
+    truth: Truth = None,
+    start: Start = None,
+    end: End = None,
+    filter: Filter = None,
+    motion: Motion = None,
+    sensor: Sensor = None,
+    size: Size = None,
+    particles: Particles = None,
+    recovery: Recovery = None,
     assignments: Annotated[
         list[str] | None,
         _Option(
@@ -151,29 +139,12 @@ def join(
             "of a team need the same detection.",
         ),
     ] = None,
-    config: Annotated[
-        Path | None,
-        _Option(
-            metavar="FILE",
-            help="Take all else from a YAML file, such as the config.yaml of a run; options given "
-            "beside it win.",
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, _Option(metavar="S", help="Of the random numbers of this robot.")
-    ] = None,
-    threads: Annotated[
-        int | None,
-        _Option(metavar="T", help="Threads; without it one a core. No result depends on it."),
-    ] = None,
-    out: Annotated[
-        Path,
-        _Option(metavar="DIR", help="The folder for the results; its files are replaced."),
-    ] = Path("mcloc-out"),
-    plot: Annotated[bool, _Option("--plot/--no-plot", help="Draw run.png.")] = True,
-    json: Annotated[
-        bool, _Option("--json", help="Print summary.json to stdout, and nothing else.")
-    ] = False,
+    config: Config = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("mcloc-out"),
+    plot: Plot = True,
+    json: Json = False,
 ) -> None:
     """Localize a robot of a team in a process of its own: where it sees another one, or is seen,
     the two processes tell each other where they are. No server is needed, and nobody waits for a
