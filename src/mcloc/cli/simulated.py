@@ -13,19 +13,25 @@ LOGS = {"mcap": "log", "carmen": "log.gz"}  # the log of each format, in the fol
 LABELS = {
     **{name: name for name in ("map", "log", "truth", "beacons")},
     "beacon_ranges": "ranges",
-    **{name: name for name in ("ceiling", "images")},
+    **{name: name for name in ("ceiling", "images", "mrclam")},
     "next": "go on",
     "next_without_laser": "no laser",
+    "next_by_landmarks": "landmarks",
 }
 
 
 def written(
-    drive: "SimulatedDrive", out: Path, format: str, aids: Mapping[str, Path]
+    drive: "SimulatedDrive",
+    out: Path,
+    format: str,
+    aids: Mapping[str, Path],
+    mrclam: Path | None,
 ) -> dict[str, Any]:
     """What is in the folder now, and the commands that go on from there: with the laser, and, where
-    other sensors can do without it, from the true start without it.
+    other sensors can do without it, from the true start by these.
 
-    aids: the files of these, by the options of `mcloc run`.
+    aids: the files of these, by the options of `mcloc run`. mrclam: the folder of one that sees
+    landmarks instead, if there is one.
     """
     from mcloc.events import Scan
 
@@ -41,10 +47,14 @@ def written(
         **{name: str(path) for name, path in files.items()},
         "next": shlex.join(command),
     }
+    x, y, theta = drive.truth.poses[0]
+    start = ["--initial", f"{x:.3f},{y:.3f},{math.degrees(theta):.1f}"]
     if aids:
-        x, y, theta = drive.truth.poses[0]
-        start = f"{x:.3f},{y:.3f},{math.degrees(theta):.1f}"
-        story["next_without_laser"] = shlex.join([*command, "--no-scans", "--initial", start])
+        story["next_without_laser"] = shlex.join([*command, "--no-scans", *start])
+    if mrclam is not None:
+        story["mrclam"] = str(mrclam)
+        log = ["--map", str(files["map"]), "--log", str(mrclam), "--robot", "1"]
+        story["next_by_landmarks"] = shlex.join(["mcloc", "run", *log, *start])
     return story
 
 

@@ -8,16 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
+from mcloc.events import Odometry
 from mcloc.io.beacons import write_beacon_ranges
 from mcloc.io.images import write_images
+from mcloc.io.mrclam_writer import write_mrclam
 from mcloc.maps.beacons import write_beacons
 from mcloc.simulation.ceiling import ceiling_mosaic
 from mcloc.simulation.ceiling_camera import CeilingCamera
 from mcloc.simulation.drive import SimulatedDrive
+from mcloc.simulation.lookout import Lookout
 from mcloc.simulation.radio import Radio
+from mcloc.trajectory import Trajectory
 
-RANGED, PICTURED = slice(2, None, 8), slice(6, None, 8)  # of the poses of a drive
-RADIO, CAMERA = 5, 6  # children of the seed; `simulate` takes those before
+RANGED, SEEN, PICTURED = (slice(k, None, 8) for k in (2, 4, 6))  # of the poses of a drive
+RADIO, CAMERA, LOOKOUT = 5, 6, 7  # children of the seed; `simulate` takes those before
 
 
 def write_beacons_heard(
@@ -51,6 +55,28 @@ def write_ceiling_seen(
     mosaic.save(files["ceiling"])
     write_images(files["images"], camera.images(mosaic, t, poses, _random(seed, CAMERA)))
     return files
+
+
+def write_landmarks_seen(
+    drive: SimulatedDrive, seed: int, folder: str | Path, lookout: Lookout | None = None
+) -> Path:
+    """Write mrclam/, which is a log of its own, of robot 1: the drive by a robot that sees
+    landmarks instead of scans; where it is.
+
+    Raises MapError for a world without walls for the landmarks, LogError where nothing can be
+    written.
+    """
+    lookout, rng = lookout or Lookout(), _random(seed, LOOKOUT)
+    landmarks = lookout.placed(drive.grid, rng)
+    t, poses = drive.truth.t[SEEN], drive.truth.poses[SEEN]
+    seen = lookout.look(drive.grid, landmarks, t, poses, rng)
+    odometry = [event for event in drive.events if isinstance(event, Odometry)]
+    wheels = Trajectory(
+        np.array([event.t for event in odometry]), np.array([event.pose for event in odometry])
+    )
+    where = Path(folder) / "mrclam"
+    write_mrclam(where, 1, landmarks, wheels, seen, drive.truth)
+    return where
 
 
 def _random(seed: int, child: int) -> np.random.Generator:

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
-from mcloc.errors import ConfigError, MapError
+from mcloc.errors import ConfigError
 from mcloc.events import BeaconRanges
 from mcloc.geometry import Poses, compose
 from mcloc.maps.beacons import Beacons
 from mcloc.maps.occupancy import OccupancyGrid
 from mcloc.registry import Configurable, param
-from mcloc.simulation.spread import spread
-
-CANDIDATES = 10  # for each beacon, of which those are taken that are far from each other
+from mcloc.simulation.wall_places import wall_places
 
 
 @dataclass(frozen=True)
@@ -51,17 +48,7 @@ class Radio(Configurable):
 
     def placed(self, grid: OccupancyGrid, rng: np.random.Generator) -> Beacons:
         """Beacons 1, 2, … on the walls, far from each other. Raises MapError for too few walls."""
-        faces = grid.occupied & binary_dilation(grid.free)
-        cells = np.argwhere(faces)[:, ::-1]
-        if len(cells) < self.beacons:
-            raise MapError(
-                f"{grid.name}: {self.beacons} beacons need a cell of wall each, beside a free one; "
-                f"there are {len(cells)}"
-            )
-        some = rng.choice(len(cells), min(CANDIDATES * self.beacons, len(cells)), replace=False)
-        local = (cells[some] + 0.5) * grid.resolution
-        places = compose(grid.origin, np.insert(local, 2, 0.0, axis=1))[:, :2]
-        chosen = places[spread(places, self.beacons)]
+        chosen = wall_places(grid, self.beacons, rng)
         names = [str(k + 1) for k in range(self.beacons)]
         return Beacons(names, np.insert(chosen, 2, self.height, axis=1))
 
