@@ -116,7 +116,7 @@ def simulate_drive(
     landmarks, with the commands that this prints:
 
     \b
-      mcloc simulate --length 20 --beacons 6 --ceiling --landmarks 20 --out drive
+      mcloc simulate --length 20 --beacons 6 --ceiling --landmarks 30 --out drive
 
     The folder of --out gets map.yaml with its image, the log (log/ or log.gz), and truth.csv with
     the true pose at each scan; with --beacons, beacons.csv and ranges.csv; with --ceiling,
