@@ -7,7 +7,7 @@ import pytest
 
 from mcloc.errors import LogError
 from mcloc.events import BeaconRanges, Odometry, Scan
-from mcloc.io.beacons import read_beacon_ranges, without_scans
+from mcloc.io.beacons import read_beacon_ranges, without_scans, write_beacon_ranges
 from mcloc.io.log import changed, read_log
 from mcloc.maps.beacons import Beacons
 
@@ -115,3 +115,23 @@ def test_a_changed_log_counts_its_scans_before_any_is_left_out(tmp_path):
     for _ in range(2):
         assert kinds(log) == ["B1", "S2", "B2"]
         assert log.skipped == {"scan without beams": 1}
+
+
+def test_ranges_are_read_as_they_were_written(tmp_path):
+    antenna = np.array([0.1, 0.0, 1.12])
+    made = [
+        BeaconRanges(0.5, np.array([1, 0]), np.array([3.25, np.nan]), antenna),
+        BeaconRanges(1.25, np.array([1]), np.array([4.5]), antenna),
+    ]
+    write_beacon_ranges(tmp_path / "ranges.csv", BEACONS, made)
+    read = read_beacon_ranges(tmp_path / "ranges.csv", BEACONS)
+    assert [reading.t for reading in read.timed] == [0.5, 1.25]
+    for ours, theirs in zip(made, read.timed, strict=True):
+        assert theirs.beacon.tolist() == ours.beacon.tolist()
+        assert theirs.range.tolist() == pytest.approx(ours.range.tolist(), nan_ok=True)
+        assert theirs.antenna.tolist() == antenna.tolist()
+
+
+def test_where_ranges_cannot_be_written(tmp_path):
+    with pytest.raises(LogError, match="cannot be written"):
+        write_beacon_ranges(tmp_path / "nowhere" / "ranges.csv", BEACONS, [])

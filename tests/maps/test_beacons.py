@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcloc.errors import MapError
-from mcloc.maps.beacons import Beacons, read_beacons
+from mcloc.maps.beacons import Beacons, read_beacons, write_beacons
 
 
 def written(tmp_path, text):
@@ -53,3 +53,13 @@ def test_the_checksum_tells_beacons_apart():
     assert one.checksum == Beacons(["a"], np.zeros((1, 3)), name="other file").checksum
     assert one.checksum != Beacons(["b"], np.zeros((1, 3))).checksum
     assert one.checksum != Beacons(["a"], np.ones((1, 3))).checksum
+
+
+def test_beacons_are_read_as_they_were_written(tmp_path):
+    made = Beacons(["1", "A7"], np.array([[1.5, -2.25, 0.0], [1e6, 3.125, 2.5]]))
+    write_beacons(made, tmp_path / "beacons.csv")
+    read = read_beacons(tmp_path / "beacons.csv")
+    assert read.names == made.names
+    assert read.places.tolist() == made.places.tolist()
+    with pytest.raises(MapError, match="cannot be written"):
+        write_beacons(made, tmp_path / "nowhere" / "beacons.csv")

@@ -1,21 +1,19 @@
 """`mcloc simulate`: a world, and a robot that drives through it, as files to localize on."""
 
 import os
-import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcloc.cli.simulated import LOGS, told, written
 from mcloc.errors import ConfigError
 
 if TYPE_CHECKING:
     from mcloc.maps.occupancy import OccupancyGrid
-    from mcloc.simulation import Laser, SimulatedDrive
-
-LOGS = {"mcap": "log", "carmen": "log.gz"}  # the log of each format, in the folder
+    from mcloc.simulation import Laser
 
 
 def simulate_drive(
@@ -77,6 +75,18 @@ def simulate_drive(
     range_max: Annotated[
         float, typer.Option(metavar="M", help="How far the lasers see (m).")
     ] = 10.0,
+    beacons: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Hang N radio beacons on the walls, and measure ranges."),
+    ] = None,
+    ceiling: Annotated[
+        bool,
+        typer.Option("--ceiling", help="Make a ceiling, and images of a camera that looks at it."),
+    ] = False,
+    landmarks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Put N landmarks on the walls, and say when they are seen."),
+    ] = None,
     format: Annotated[
         str,
         typer.Option(metavar="NAME", help="Of the log: mcap (a ROS 2 bag) or carmen."),
@@ -102,21 +112,42 @@ def simulate_drive(
     \b
       mcloc simulate --map floor.yaml --slip 0.05 --glass 0.2 --out drive
 
+    Localize it without a laser, by six radio beacons and a camera that looks at the ceiling, or by
+    landmarks, with the commands that this prints:
+
+    \b
+      mcloc simulate --length 20 --beacons 6 --ceiling --landmarks 30 --out drive
+
     The folder of --out gets map.yaml with its image, the log (log/ or log.gz), and truth.csv with
-    the true pose at each scan. One seed gives the same files, byte by byte.
+    the true pose at each scan; with --beacons, beacons.csv and ranges.csv; with --ceiling,
+    ceiling.yaml with its image, and images/; with --landmarks, the MRCLAM folder mrclam/. One seed
+    gives the same files, byte by byte.
     """
     from rich.console import Console
 
     from mcloc.registry import suggest
     from mcloc.report import check_folder
     from mcloc.report.summary import to_json
-    from mcloc.simulation import Scenario, Wheels, evenly, simulate, write_drive
+    from mcloc.simulation import (
+        Lookout,
+        Radio,
+        Scenario,
+        Wheels,
+        evenly,
+        simulate,
+        write_beacons_heard,
+        write_ceiling_seen,
+        write_drive,
+        write_landmarks_seen,
+    )
 
     if format not in LOGS:
         raise ConfigError(f"unknown --format {format!r}; {suggest(format, LOGS)}")
     if kidnap and kidnap_at:
         raise ConfigError("--kidnap and --kidnap-at exclude each other: give one of them")
     with _options():
+        radio = None if beacons is None else Radio(beacons=beacons)
+        lookout = None if landmarks is None else Lookout(landmarks=landmarks)
         scenario = Scenario(
             length=length,
             people=people,
@@ -131,8 +162,11 @@ def simulate_drive(
     with Console(stderr=True).status(f"driving {length:g} m ..."):  # on a terminal only
         drive = simulate(grid, seed, scenario)
         write_drive(drive, out, format)
-    written = _written(drive, out, format)
-    typer.echo(to_json(written) if json else _told(written), nl=False)
+        aids = {} if radio is None else write_beacons_heard(drive, seed, out, radio)
+        aids |= write_ceiling_seen(drive, seed, out) if ceiling else {}
+        seen = None if lookout is None else write_landmarks_seen(drive, seed, out, lookout)
+    done = written(drive, out, format, aids, seen)
+    typer.echo(to_json(done) if json else told(done), nl=False)
 
 
 @contextmanager
@@ -181,33 +215,3 @@ def _grid(world: str | None, map: str | None, seed: int, out: Path) -> "Occupanc
     if os.path.realpath(out) in beside:
         raise ConfigError(f"--out {out}: {map} or its image would be replaced; give another folder")
     return OccupancyGrid.load(map)
-
-
-def _written(drive: "SimulatedDrive", out: Path, format: str) -> dict[str, Any]:
-    """What is in the folder now, and the command that goes on from there."""
-    from mcloc.events import Scan
-
-    files = {"map": out / "map.yaml", "log": out / LOGS[format], "truth": out / "truth.csv"}
-    arguments = (word for name, path in files.items() for word in (f"--{name}", str(path)))
-    return {
-        "world": f"{drive.grid.name}, {drive.grid.extent()}",
-        "duration_s": float(drive.truth.t[-1]),
-        "distance_m": drive.distance,
-        "scans": sum(isinstance(event, Scan) for event in drive.events),
-        "kidnappings_s": list(drive.kidnappings),
-        **{name: str(path) for name, path in files.items()},
-        "next": shlex.join(["mcloc", "run", *arguments]),
-    }
-
-
-def _told(written: dict[str, Any]) -> str:
-    """The same for people."""
-    w = written
-    lines = [
-        f"world      {w['world']}",
-        f"drive      {w['distance_m']:.1f} m in {w['duration_s']:.1f} s, {w['scans']} scans",
-        *(f"kidnapped  at t = {t:.2f} s" for t in w["kidnappings_s"]),
-        *(f"{name:10} {w[name]}" for name in ("map", "log", "truth")),
-        f"go on      {w['next']}",
-    ]
-    return "".join(f"{line}\n" for line in lines)

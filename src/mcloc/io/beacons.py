@@ -10,7 +10,7 @@ that is empty, not finite or not > 0 is none.
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -115,6 +115,24 @@ def read_beacon_ranges(path: str | Path, beacons: Beacons) -> BeaconLog:
         measured = BeaconRanges(at, np.array(numbers), np.array(ranges), np.array(antenna))
         (of_scan[int(moment)] if by_scan else timed).append(measured)
     return BeaconLog(of_scan, sorted(timed, key=lambda reading: reading.t), unknown)
+
+
+def write_beacon_ranges(
+    path: str | Path, beacons: Beacons, readings: Iterable[BeaconRanges]
+) -> None:
+    """Write readings by their stamps, as `read_beacon_ranges` reads them. Raises LogError where
+    nothing can be written.
+    """
+    lines = [",".join(("t", *NEEDED, *ANTENNA))]
+    for reading in readings:
+        antenna = ",".join(f"{v:g}" for v in reading.antenna.tolist())
+        ranges = (f"{r:.3f}" if np.isfinite(r) else "" for r in reading.range.tolist())
+        for beacon, r in zip(reading.beacon.tolist(), ranges, strict=True):
+            lines.append(f"{reading.t:.6f},{beacons.names[beacon]},{r},{antenna}")
+    try:
+        Path(path).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    except OSError as cause:
+        raise LogError(f"{path}: cannot be written to ({cause.strerror})") from cause
 
 
 def _range(text: TextFile, line: int, field: str) -> float:

@@ -65,3 +65,15 @@ def read_beacons(path: str | Path) -> Beacons:
         names.append(row["beacon_id"])
         places.append([text.number(line, axis, row[axis], FARTHEST) for axis in COLUMNS[1:]])
     return Beacons(names, np.array(places).reshape(-1, 3), name=str(path))
+
+
+def write_beacons(beacons: Beacons, path: str | Path) -> None:
+    """Write them as `read_beacons` reads them. Raises MapError where nothing can be written."""
+    rows = [
+        f"{name},{x:.3f},{y:.3f},{z:.3f}\n"
+        for name, (x, y, z) in zip(beacons.names, beacons.places.tolist(), strict=True)
+    ]
+    try:
+        Path(path).write_text(",".join(COLUMNS) + "\n" + "".join(rows), encoding="utf-8")
+    except OSError as cause:
+        raise MapError(f"{path}: cannot be written to ({cause.strerror})") from cause

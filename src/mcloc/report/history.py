@@ -115,8 +115,8 @@ class History:
 
     @property
     def share_withheld(self) -> float:
-        """Of the scans, 0 … 1."""
-        return len(self.withheld) / (len(self.withheld) + self.scans)
+        """Of the scans, 0 … 1; 0 where there were none, and the wheels alone were followed."""
+        return len(self.withheld) / max(len(self.withheld) + self.scans, 1)
 
     def estimates_csv(self) -> Iterator[str]:
         """Lines: one for each stamp; explained_beams is empty for a scan without returns.

@@ -1,13 +1,16 @@
 """Worlds, drives and logs whose truth is known."""
 
+from mcloc.simulation.aids import write_beacons_heard, write_ceiling_seen, write_landmarks_seen
 from mcloc.simulation.ceiling import CeilingPlan, ceiling_mosaic
 from mcloc.simulation.ceiling_camera import CeilingCamera
 from mcloc.simulation.ceiling_drive import CeilingDrive, CeilingTour, ceiling_drive
 from mcloc.simulation.ceiling_recording import write_ceiling_drive
 from mcloc.simulation.drive import Scenario, SimulatedDrive, evenly, office_drive, simulate
 from mcloc.simulation.laser import Laser
+from mcloc.simulation.lookout import Lookout
 from mcloc.simulation.museum import museum_world
 from mcloc.simulation.office import office_world
+from mcloc.simulation.radio import Radio
 from mcloc.simulation.ranges import ranges
 from mcloc.simulation.recording import write_drive
 from mcloc.simulation.robot import follow
@@ -25,6 +28,8 @@ __all__ = [
     "CeilingPlan",
     "CeilingTour",
     "Laser",
+    "Lookout",
+    "Radio",
     "Roadmap",
     "Scenario",
     "SimulatedDrive",
@@ -45,6 +50,9 @@ __all__ = [
     "simulate_team",
     "teleported",
     "tour",
+    "write_beacons_heard",
     "write_ceiling_drive",
+    "write_ceiling_seen",
     "write_drive",
+    "write_landmarks_seen",
 ]

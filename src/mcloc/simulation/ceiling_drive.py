@@ -19,6 +19,7 @@ from mcloc.simulation.ceiling import ceiling_mosaic
 from mcloc.simulation.ceiling_camera import CeilingCamera
 from mcloc.simulation.robot import follow
 from mcloc.simulation.route import Roadmap, way_along
+from mcloc.simulation.spread import spread
 from mcloc.simulation.wheels import Wheels
 from mcloc.trajectory import Trajectory
 
@@ -147,13 +148,7 @@ def _path(grid: OccupancyGrid, tour: CeilingTour, rng: np.random.Generator) -> T
 def _exhibits(roadmap: Roadmap, rng: np.random.Generator) -> list[int]:
     """Places, each the one of several that is farthest from those before."""
     some = np.array([roadmap.random(rng) for _ in range(PLACES)])
-    places = roadmap.points[some]
-    chosen = [0]
-    away = np.hypot(*(places - places[0]).T)
-    while len(chosen) < EXHIBITS:
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.hypot(*(places - places[chosen[-1]]).T))
-    return [int(place) for place in some[chosen]]
+    return [int(place) for place in some[spread(roadmap.points[some], EXHIBITS)]]
 
 
 def _turned(before: NDArray[np.float64], after: NDArray[np.float64]) -> Poses:
