@@ -214,6 +214,8 @@ def test_a_kalman_filter_tracks_it_from_the_start(folder: Path) -> None:
         (("--robot", 1), "there is no robot 1: Its robots are 3"),
         (("--robot", 3, "--topic", "scan=/scan"), "topics are of ROS bags"),
         (("--robot", 3, "--filter", "kalman"), "--initial"),
+        (("--robot", 3, "--derive-sonar", 16), "--derive-sonar is about the scans"),
+        (("--robot", 3, "--no-scans"), "--no-scans is about the scans of a log, and an MRCLAM"),
     ],
 )
 def test_what_cannot_be_is_refused(
