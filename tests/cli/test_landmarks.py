@@ -4,6 +4,7 @@ gone on with, and asked for in wrong ways.
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -252,6 +253,35 @@ def test_other_commands_know_the_folder(folder: Path, mcloc: Mcloc, tmp_path: Pa
     assert compared.code == 0, compared.stderr
     assert "max 0.000 m" in compared.stdout
     assert mcloc("eval", out, out / "trajectory.tum", "--robot", 3).code == 2
+
+
+def test_the_truth_of_a_folder_is_taken_for_a_comparison(
+    folder: Path, mcloc: Mcloc, tmp_path: Path
+) -> None:
+    """What `mcloc eval` tells is what the run told, but for what depends on when it began."""
+    out = tmp_path / "out"
+    asked = "--log", folder, "--robot", 3, "--seed", 1, "--no-plot", "--out", out
+    assert mcloc("run", *asked).code == 0
+    of_run = json.loads((out / "summary.json").read_text())["accuracy"]
+    done = mcloc("eval", out, folder, "--robot", 3, "--json")
+    assert done.code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told.keys() == of_run.keys()
+    for key in ("position_median_m", "position_max_m", "position_median_sighted_m"):
+        assert told[key] == pytest.approx(of_run[key], abs=1e-3)
+    # References at the edges of these 5 s, and those of the first and the last estimate.
+    assert told["sighted"] == pytest.approx(of_run["sighted"], abs=4)
+    assert told["recoveries"] == []
+    assert "5 s of a landmark seen" in mcloc("eval", out, folder, "--robot", 3).stdout
+    unnamed = mcloc("eval", out, folder)
+    assert unnamed.code == 2
+    assert "which robot? Its robots are 3" in unnamed.stderr
+    untold = tmp_path / "untold"
+    shutil.copytree(folder, untold)
+    (untold / "Robot3_Groundtruth.dat").unlink()
+    done = mcloc("eval", out, untold, "--robot", 3)
+    assert done.code == 2
+    assert "has no truth about robot 3" in done.stderr
 
 
 def test_walls_may_be_given_too(folder: Path, drive: Path) -> None:
