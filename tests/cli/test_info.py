@@ -23,10 +23,19 @@ MAP = {
 }
 LOG = {
     *("name", "start_s", "end_s", "duration_s", "distance_m", "backward_m", "odometry", "lasers"),
-    *("skipped", "topics"),
+    *("sightings", "truth", "skipped", "topics"),
 }
 LASER = {
-    *("events", "rate_hz", "beams", "angles_rad", "range_min_m", "range_max_m", "range_median_m"),
+    *(
+        "events",
+        "rate_hz",
+        "longest_gap_s",
+        "beams",
+        "angles_rad",
+        "range_min_m",
+        "range_max_m",
+        "range_median_m",
+    ),
     *("missing", "missing_by_kind", "mount", "own_odometry"),
 }
 FINDING = {"check", "about", "what", "evidence", "remedy"}
@@ -66,6 +75,7 @@ def test_a_log_alone(mcloc: Mcloc, drive: Path) -> None:
     assert log["odometry"]["events"] == len(events) - len(scans)
     assert laser["rate_hz"] == pytest.approx(5.0)
     assert log["odometry"]["rate_hz"] == pytest.approx(10.0)
+    assert (log["sightings"], log["truth"]) == (None, None)
     assert laser["beams"] == 181
     assert laser["angles_rad"] == pytest.approx([-np.pi / 2, np.pi / 2])
     missing = 1.0 - np.concatenate([scan.returned for scan in scans]).mean()
@@ -181,6 +191,7 @@ def test_ranges_in_millimetres_are_told_though_nothing_returns(
         (["map.yaml", "map.yaml"], "got 2 maps and 0 logs"),
         (["log.gz", "log.gz"], "got 0 maps and 2 logs"),
         (["map.yaml", "--mount", "0,0,0"], "about a log"),
+        (["map.yaml", "--robot", "3"], "about a log"),
         (["log.gz", "--mount", "0,0"], "--mount takes three numbers"),
         (["log.gz", "--topic", "scan=/scan"], "topics are of ROS bags"),
         (["map.yaml", "--topic", "map=/map"], "--topic map="),

@@ -4,6 +4,7 @@ gone on with, and asked for in wrong ways.
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -214,6 +215,8 @@ def test_a_kalman_filter_tracks_it_from_the_start(folder: Path) -> None:
         (("--robot", 1), "there is no robot 1: Its robots are 3"),
         (("--robot", 3, "--topic", "scan=/scan"), "topics are of ROS bags"),
         (("--robot", 3, "--filter", "kalman"), "--initial"),
+        (("--robot", 3, "--derive-sonar", 16), "--derive-sonar is about the scans"),
+        (("--robot", 3, "--no-scans"), "--no-scans is about the scans of a log, and an MRCLAM"),
     ],
 )
 def test_what_cannot_be_is_refused(
@@ -250,6 +253,78 @@ def test_other_commands_know_the_folder(folder: Path, mcloc: Mcloc, tmp_path: Pa
     assert compared.code == 0, compared.stderr
     assert "max 0.000 m" in compared.stdout
     assert mcloc("eval", out, out / "trajectory.tum", "--robot", 3).code == 2
+
+
+def test_what_is_in_the_folder_is_told(folder: Path, mcloc: Mcloc, tmp_path: Path) -> None:
+    """Against its files; robot 1, who never saw anything, is not asked about."""
+    rows = np.loadtxt(folder / "Robot3_Measurement.dat")
+    counts = {str(s): int((rows[:, 1] == CODES[s]).sum()) for s in PLACES}
+    done = mcloc("info", folder, "--robot", 3, "--json")
+    assert done.code == 0, done.stderr
+    log = json.loads(done.stdout)["log"]
+    seen, truth = log["sightings"], log["truth"]
+    assert seen["of_landmark"] == counts
+    assert seen["sightings"] == sum(counts.values())
+    landmarks = np.unique(rows[rows[:, 1] != CODES[1], 0])
+    assert seen["events"] == len(landmarks)
+    assert seen["longest_gap_s"] == pytest.approx(np.diff(landmarks).max(), abs=1e-6)
+    middle = np.median(rows[rows[:, 1] != CODES[1], 2])
+    assert seen["range_median_m"] == pytest.approx(middle, rel=0.05)
+    assert log["skipped"] == {"sighting of another robot": int((rows[:, 1] == CODES[1]).sum())}
+    known = np.loadtxt(folder / "Robot3_Groundtruth.dat")[:, 0] - 1_000_000.0
+    assert truth["events"] == len(known)
+    assert truth["longest_gap_s"] == pytest.approx(GAP[1] - GAP[0], abs=0.03)
+    assert truth["share"] == pytest.approx(known[-1] / (LENGTH - 0.05), abs=1e-3)
+    story = mcloc("info", folder, "--robot", 3).stdout
+    assert "5 known, 5 of them seen" in story
+    assert f"of each: 6: {counts['6']}, 7: {counts['7']}" in story
+    assert re.search(r"truth +\d+ poses, .* gaps up to 2\.02 s, during 91\.7 % of the log", story)
+
+
+def test_a_folder_is_told_up_to_what_is_damaged(folder: Path, mcloc: Mcloc, tmp_path: Path) -> None:
+    cut = tmp_path / "cut"
+    shutil.copytree(folder, cut)
+    (cut / "Robot3_Groundtruth.dat").write_text("1.0 2.0\n")
+    done = mcloc("info", cut, "--robot", 3)
+    assert done.code == 2
+    assert "5 known" in done.stdout
+    assert "  truth" not in done.stdout
+    assert "line 1: 4 numbers expected" in done.stderr
+
+
+def test_walls_are_not_compared_with_landmarks(folder: Path, drive: Path, mcloc: Mcloc) -> None:
+    done = mcloc("info", drive / "map.yaml", folder, "--robot", 3)
+    assert done.code == 0, done.stderr
+    assert "not compared: the log has no scans" in done.stdout
+
+
+def test_the_truth_of_a_folder_is_taken_for_a_comparison(
+    folder: Path, mcloc: Mcloc, tmp_path: Path
+) -> None:
+    """What `mcloc eval` tells is what the run told, but for what depends on when it began."""
+    out = tmp_path / "out"
+    asked = "--log", folder, "--robot", 3, "--seed", 1, "--no-plot", "--out", out
+    assert mcloc("run", *asked).code == 0
+    of_run = json.loads((out / "summary.json").read_text())["accuracy"]
+    done = mcloc("eval", out, folder, "--robot", 3, "--json")
+    assert done.code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told.keys() == of_run.keys()
+    for key in ("position_median_m", "position_max_m", "position_median_sighted_m"):
+        assert told[key] == pytest.approx(of_run[key], abs=1e-3)
+    # References at the edges of these 5 s, and those of the first and the last estimate.
+    assert told["sighted"] == pytest.approx(of_run["sighted"], abs=4)
+    assert told["recoveries"] == []
+    assert "5 s of a landmark seen" in mcloc("eval", out, folder, "--robot", 3).stdout
+    unnamed = mcloc("eval", out, folder)
+    assert unnamed.code == 2
+    assert "which robot? Its robots are 3" in unnamed.stderr
+    untold = tmp_path / "untold"
+    shutil.copytree(folder, untold)
+    (untold / "Robot3_Groundtruth.dat").unlink()
+    done = mcloc("eval", out, untold, "--robot", 3)
+    assert done.code == 2
+    assert "has no truth about robot 3" in done.stderr
 
 
 def test_walls_may_be_given_too(folder: Path, drive: Path) -> None:

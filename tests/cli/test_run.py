@@ -36,7 +36,8 @@ SUMMARY = {
 ACCURACY = {
     *("position_median_m", "position_rmse_m", "position_p95_m", "position_max_m"),
     *("heading_median_deg", "lost_fraction", "converged", "time_to_converge_s"),
-    *("distance_to_converge_m", "nees_median", "recoveries"),
+    *("distance_to_converge_m", "time_to_find_s", "distance_to_find_m", "localized_fraction"),
+    *("nees_median", "recoveries"),
 }
 
 Mcloc = Callable[..., Any]

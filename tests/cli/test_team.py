@@ -30,6 +30,9 @@ WITHOUT_NUMBERS = {
     "converged",
     "time_to_converge_s",
     "distance_to_converge_m",
+    "time_to_find_s",
+    "distance_to_find_m",
+    "localized_fraction",
     "nees_median",
     "recoveries",
 }

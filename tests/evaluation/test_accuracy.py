@@ -22,6 +22,9 @@ KEYS = [
     "converged",
     "time_to_converge_s",
     "distance_to_converge_m",
+    "time_to_find_s",
+    "distance_to_find_m",
+    "localized_fraction",
     "nees_median",
     "recoveries",
 ]
@@ -135,7 +138,10 @@ def test_what_is_unknown_is_none() -> None:
     still = Trajectory(np.array([0.0]), np.zeros((1, 3)))
     values = evaluate(still, still).to_dict()
     unknown = {key for key, value in values.items() if value is None}
-    assert unknown == {"time_to_converge_s", "distance_to_converge_m", "nees_median"}
+    assert unknown == {
+        *("time_to_converge_s", "distance_to_converge_m", "nees_median"),
+        *("time_to_find_s", "distance_to_find_m", "localized_fraction"),
+    }
     assert values["converged"] is False
 
 

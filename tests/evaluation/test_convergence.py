@@ -172,6 +172,23 @@ def test_found_is_what_stays_good_for_3_m_whatever_comes_later() -> None:
     assert found_after([GOOD] * 4 + [FAR], []) == [None]
 
 
+def test_how_long_it_has_been_localized_since_it_was_found() -> None:
+    """References are 2 s apart, and the last one carries no time: 10 s of 14 s at first."""
+    errors = [FAR] + [GOOD] * 5 + [TURNED, FAR, FAR]
+    a = accuracy(errors)
+    assert (a.converged, a.time_to_find_s, a.distance_to_find_m) == (False, 2.0, 0.75)
+    assert a.localized_fraction == pytest.approx(5.0 / 7.0)
+    a = accuracy([FAR] + [GOOD] * 5 + [FAR] + [GOOD] * 5)
+    assert (a.time_to_find_s, a.time_to_converge_s) == (2.0, 14.0)
+    assert a.localized_fraction == pytest.approx(9.0 / 10.0)
+    assert accuracy([FAR] + [GOOD] * 5).localized_fraction == 1.0
+    a = accuracy([FAR] * 6 + [GOOD] * 3 + [FAR])
+    assert (a.time_to_find_s, a.distance_to_find_m, a.localized_fraction) == (None, None, None)
+    # Of the last stretch alone: the first one ends badly, in the last one it is found 2 s after it.
+    a = accuracy([GOOD] * 6 + [FAR] * 2 + [GOOD] * 6, kidnappings=(23.0,))
+    assert (a.time_to_find_s, a.localized_fraction) == (pytest.approx(3.0), 1.0)
+
+
 def test_each_kidnapping_is_judged_up_to_the_next_one() -> None:
     errors = [GOOD] * 6 + [FAR] * 2 + [GOOD] * 5 + [FAR] + [GOOD] * 3
     assert found_after(errors, [6, 13]) == [0.0, 1.5, None]

@@ -9,6 +9,7 @@ from mcloc.errors import LogError
 from mcloc.events import BeaconRanges, Odometry, Scan
 from mcloc.io.beacons import read_beacon_ranges, without_scans, write_beacon_ranges
 from mcloc.io.log import changed, read_log
+from mcloc.localizer.queue import Queue
 from mcloc.maps.beacons import Beacons
 
 BEACONS = Beacons(["1", "x2"], np.zeros((2, 3)))
@@ -62,6 +63,35 @@ def test_ranges_with_stamps_are_put_among_the_events(tmp_path):
     assert events[0].beacon.tolist() == [1, 0]
     wheels = [Odometry(0.0, np.zeros(3)), scan(1.0)]
     assert kinds(log.among(iter(wheels), Counter())) == ["O0", "B0.5", "B1", "S1", "B4.5"]
+
+
+def test_a_reading_that_is_repeated_counts_once(tmp_path):
+    """Other ranges to the same beacon at the same moment count, and so do those by another antenna:
+    these are measurements of their own to a localizer, too.
+    """
+    log = log_of(
+        tmp_path,
+        "t,beacon_id,range_m,antenna_x\n1,1,2,0\n1,x2,3,0\n1,1,2.0,0\n1,1,2.5,0\n1,1,2,0.3\n"
+        "1,1,,0\n1,1,nan,0\n2,1,2,0\n1,x2,3,0\n1,nobody,3,0\n1,nobody,3,0\n",
+    )
+    skipped = Counter()
+    first, other, second = (
+        e for e in log.among(iter([scan(3.0)]), skipped) if isinstance(e, BeaconRanges)
+    )
+    assert first.beacon.tolist() == [0, 1, 0, 0]
+    assert first.range.tolist() == pytest.approx([2.0, 3.0, 2.5, np.nan], nan_ok=True)
+    assert (other.range.tolist(), other.antenna.tolist()) == ([2.0], [0.3, 0.0, 0.0])
+    assert second.t == 2.0
+    assert skipped == {"duplicate beacon reading": 4, "range to unknown beacon nobody": 1}
+    ignored = Counter()
+    queue = Queue(ignored)
+    for z in (Odometry(0.0, np.zeros(3)), Odometry(9.0, np.zeros(3))):
+        queue.wheels.add(z)
+    for z in (first, other, second):
+        queue.add(z)
+    queue.finish()
+    assert [z for z, _ in queue.ready(final=True, until=9.0)] == [first, other, second]
+    assert not ignored
 
 
 def test_without_scans_their_odometry_stays():

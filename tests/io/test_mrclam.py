@@ -134,6 +134,23 @@ def test_nobody_drives_to_a_stamp_that_is_far_off(folder: Path) -> None:
     assert last.pose[0] == 11.0
 
 
+def test_a_line_that_is_repeated_counts_once(folder: Path) -> None:
+    """Other readings of the same landmark at the same stamp count, and so do those that say the
+    same later; a bearing alone may be repeated, too.
+    """
+    (folder / "Robot2_Measurement.dat").write_text(
+        "10.5 63 3 0.1\n10.5 5 2 0.2\n10.5 63 3 0.1\n10.5 63 3.1 0.1\n10.5 5 2 0.2\n"
+        "10.5 63 3 0.1\n10.5 81 nan 0.3\n10.5 81 nan 0.3\n12 63 3 0.1\n"
+    )
+    _, (first, second), skipped = log_of(folder)
+    assert first.landmark.tolist() == [0, 0, 1]
+    assert first.range.tolist() == pytest.approx([3.0, 3.1, np.nan], nan_ok=True)
+    assert second.range.tolist() == [3.0]
+    assert skipped == {"duplicate sighting": 4, "sighting of another robot": 1}
+    seen = Mrclam(str(folder), 2).team_events(np.zeros(3), landmarks=False)
+    assert sum(isinstance(e, Detection) for e in seen) == 1
+
+
 def test_it_is_told_by_its_barcodes(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     assert is_mrclam(folder)
     assert robots_in(folder) == [2, 5]

@@ -399,6 +399,25 @@ def test_misses_count_by_the_chance_that_they_had():
     assert np.array_equal(DARK.log_likelihood(x, anonymous), bare.log_likelihood(x, anonymous))
 
 
+@pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (0.1, 0.0, 2.9)], ids=["ahead", "turned"])
+@pytest.mark.parametrize(("fov", "sigma"), [(1.2, 0.3), (6.2, 0.02), (6.2, 0.3), (4.0, 1.9)])
+def test_a_view_whose_edge_is_near_the_back_ends_there_from_both_sides(fov, sigma, mount):
+    """A bearing that is measured beyond ±π comes in from the other side: against many turns of
+    SciPy's normal, for cameras that look anywhere.
+    """
+    sensor = replace(DARK, fov=fov, sigma_bearing=sigma, range_max=50.0)
+    x = np.stack([np.full(200, 0.3), np.full(200, -0.1), np.linspace(-np.pi, np.pi, 200)])
+    missed = sensor.log_likelihood(x, Sightings(0.0, [], [], [], mount=np.array(mount)))
+    wanted = np.zeros(200)
+    for k, pose in enumerate(compose(x.T, np.array(mount))):
+        dx, dy = (PLACES - pose[:2]).T
+        beta = np.arctan2(dy, dx)[:, None] - pose[2] + 2.0 * np.pi * np.arange(-9, 10)
+        edges = (norm.cdf(end, beta, sigma).sum(axis=1) for end in (fov / 2.0, -fov / 2.0))
+        v = np.subtract(*edges)
+        wanted[k] = np.log1p(-0.7 * (0.05 + 0.95 * v)).sum()
+    assert missed == pytest.approx(wanted, abs=1e-6)
+
+
 def test_a_robot_that_misses_what_it_would_see_is_elsewhere():
     """Both places see landmark 2 alike, one with three others in reach, one with them all out of
     it: each miss weighs 1 − p_detect.

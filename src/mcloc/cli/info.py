@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mcloc.events import Log
     from mcloc.inspection import LogInspection
     from mcloc.io.bag_log import Topics
+    from mcloc.io.mrclam import Mrclam
     from mcloc.maps.occupancy import OccupancyGrid
 
 _MAPS = (".yaml", ".yml", ".pgm", ".png", ".bmp")  # of an image the reader says what to give
@@ -75,8 +76,8 @@ def show_info(
     on_topic = wanted.pop("map", None)
     if on_topic is not None and (maps or not logs):
         raise ConfigError("--topic map= is for a map in a bag: give the bag and no other map")
-    if (wanted or mount is not None) and not logs:
-        raise ConfigError("--topic and --mount are about a log: give one")
+    if (wanted or mount is not None or robot is not None) and not logs:
+        raise ConfigError("--topic, --mount and --robot are about a log: give one")
     grid = _map(maps, logs, on_topic)
     failures: list[McLocError] = []
     at = pose("--mount", mount)
@@ -131,6 +132,7 @@ def _inspected(
     from mcloc.cli.progress import counted
     from mcloc.inspection import LogInspection, describe_log, describe_map, inspect_fit, inspect_map
     from mcloc.io.log import read_log
+    from mcloc.io.mrclam import Mrclam, is_mrclam
 
     info: dict[str, Any] = {"map": None, "log": None, "fit": None}
     findings = [] if grid is None else inspect_map(grid)
@@ -141,7 +143,10 @@ def _inspected(
             log = LogInspection()
             source = read_log(logs[0], mount, wanted, robot)
             skipped = _read(log, logs[0], source, advance, failures)
-            info["log"] = {"name": str(logs[0]), **describe_log(log), "skipped": skipped}
+            folder = Mrclam(str(logs[0]), robot) if is_mrclam(logs[0]) else None
+            told = describe_log(log, () if folder is None else folder.landmarks.names)
+            info["log"] = {"name": str(logs[0]), **told, "skipped": skipped}
+            info["log"]["truth"] = None if folder is None else _truth(folder, told, failures)
             info["log"]["topics"] = _topics(logs[0])
             findings += log.findings()
         if logs and grid is not None:
@@ -171,6 +176,31 @@ def _read(
     if not log.lasers and not log.odometry.count:
         raise failures[0] if failures else LogError(f"{path}: holds no events")
     return dict(source.skipped)
+
+
+def _truth(
+    folder: "Mrclam", log: dict[str, Any], failures: list[McLocError]
+) -> dict[str, Any] | None:
+    """The truth about the robot, if there is any, and the share of the log's time in which it is
+    known but for gaps.
+    """
+    from mcloc.errors import TruthError
+    from mcloc.inspection import describe_stream
+    from mcloc.inspection.stamps import Stamps
+
+    try:
+        truth = folder.truth
+    except TruthError as cause:
+        failures.append(cause)
+        return None
+    if truth is None:
+        return None
+    stamps = Stamps()
+    for t in truth.t.tolist():
+        stamps.add(t)
+    shared = min(stamps.last, log["end_s"]) - max(stamps.first, log["start_s"])
+    share = max(shared, 0.0) / log["duration_s"] if log["duration_s"] else None
+    return {**describe_stream(stamps), "share": share}
 
 
 def _topics(path: Path) -> dict[str, str] | None:

@@ -20,7 +20,7 @@ def _lines(info: dict[str, Any]) -> Iterator[str]:
     if info["log"] is not None:
         yield from _log(info["log"])
     if info["fit"] is not None:
-        yield from _row("together", _fit(info["fit"]))
+        yield from _row("together", _fit(info["fit"], bool(info["log"]["lasers"])))
     if not info["findings"]:
         yield from _row("findings", "none")
     for finding in info["findings"]:
@@ -57,6 +57,12 @@ def _log(log: dict[str, Any]) -> Iterator[str]:
         yield from _row("  odometry", _stream(log["odometry"], "events"))
     for name, laser in log["lasers"].items():
         yield from _laser(name, laser)
+    if log["sightings"] is not None:
+        yield from _sightings(log["sightings"])
+    if log["truth"] is not None:
+        share = log["truth"]["share"]
+        during = "" if share is None else f", during {_percent(share)} of the log"
+        yield from _row("  truth", _stream(log["truth"], "poses") + during)
     for reason, count in log["skipped"].items():
         yield from _row("  skipped", f"{count} × {reason}")
     for topic, kind in (log["topics"] or {}).items():
@@ -81,12 +87,29 @@ def _laser(name: str, laser: dict[str, Any]) -> Iterator[str]:
     yield from _row("", f"mounted at {_pose(laser['mount'])}")
 
 
+def _sightings(seen: dict[str, Any]) -> Iterator[str]:
+    of, middle = seen["of_landmark"], seen["range_median_m"]
+    yield from _row(
+        "  landmarks", f"{len(of)} known, {sum(n > 0 for n in of.values())} of them seen"
+    )
+    near = "" if middle is None else f", half of them within {middle:.3g} m"
+    yield from _row(
+        "  sightings", f"{seen['sightings']} of landmarks{near}; {_stream(seen, 'events')}"
+    )
+    yield from _row("", "of each: " + ", ".join(f"{name}: {n}" for name, n in of.items()))
+
+
 def _stream(stream: dict[str, Any], unit: str) -> str:
-    rate = stream["rate_hz"]
-    return f"{stream['events']} {unit}" + ("" if rate is None else f", {rate:.3g} Hz")
+    rate, gap = stream["rate_hz"], stream["longest_gap_s"]
+    often = "" if rate is None else f", {rate:.3g} Hz"
+    return f"{stream['events']} {unit}{often}" + (
+        "" if gap is None else f", gaps up to {gap:.3g} s"
+    )
 
 
-def _fit(fit: dict[str, Any]) -> str:
+def _fit(fit: dict[str, Any], scanned: bool) -> str:
+    if not scanned:
+        return "not compared: the log has no scans, and nothing else in it tells of walls"
     if fit["verdict"] == "not compared":
         return "not compared: first mend what looks wrong, or give a longer log"
     if fit["explained"] is None:

@@ -81,8 +81,13 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterator[str]:
         yield f"NEES       median {a['nees_median']:.1f}; 2.4 for a filter as sure as it should be"
     lost = (f"{_percent(share)} % > {limit} m" for limit, share in a["lost_fraction"].items())
     yield f"lost       {', '.join(lost)} of the time"
-    found = _when(a["converged"], a["time_to_converge_s"], a["distance_to_converge_m"])
-    yield f"converged  {found}"
+    found = _when(a["time_to_find_s"] is not None, a["time_to_find_s"], a["distance_to_find_m"])
+    if found != "no":
+        kept = _number(a["localized_fraction"], ".1f", 100.0)
+        found += f"; off by less than 0.5 m and 10° for {kept} % of the time since"
+    yield f"found      {found}"
+    stays = _when(a["converged"], a["time_to_converge_s"], a["distance_to_converge_m"])
+    yield f"converged  {stays}{'' if stays == 'no' else '; from then on never off by more'}"
     for r in a["recoveries"]:
         found = _when(r["recovered"], r["after_s"], r["after_m"])
         yield f"kidnapped  at t = {_number(r['t'], '.1f')} s; recovered: {found}"

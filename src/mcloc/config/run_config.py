@@ -135,6 +135,7 @@ class RunConfig:
                 raise ConfigError(f"{name} must be a finite number of seconds, got {stamp}")
         if self.start is not None and self.end is not None and self.start > self.end:
             raise ConfigError(f"start = {self.start:g} s must not lie after end = {self.end:g} s")
+        self._check_scans()
         settings = {part: self._typed(part) for part in PARTS}
         object.__setattr__(self, "settings", {part: of for part, of in settings.items() if of})
 
@@ -152,6 +153,16 @@ class RunConfig:
                 "which map? Give a file, or the topic of a bag that holds one, or of an MRCLAM "
                 "folder the robot"
             )
+
+    def _check_scans(self) -> None:
+        """Robots of an MRCLAM folder have no laser."""
+        derived = self.derive_sonar is not None
+        for option, given in (("--no-scans", not self.scans), ("--derive-sonar", derived)):
+            if given and self.robot is not None:
+                raise ConfigError(
+                    f"{option} is about the scans of a log, and an MRCLAM folder has none: leave "
+                    "it out (scans: true, derive_sonar: null)"
+                )
 
     def resolved(self) -> "RunConfig":
         """The same run with a seed, and with the value of each parameter spelt out."""

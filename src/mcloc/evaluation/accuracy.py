@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcloc.evaluation.consistency import nees_median
-from mcloc.evaluation.convergence import Recovery, recoveries
+from mcloc.evaluation.convergence import Recovery, found, localized_fraction, recoveries
 from mcloc.evaluation.errors import pose_errors, with_withheld
 from mcloc.evaluation.kidnapping import find_kidnappings
 from mcloc.trajectory import Trajectory
@@ -23,8 +23,10 @@ class Accuracy:
 
     lost_fraction: the share of time with a position error above 0.5, 1 and 2 m. converged,
     time_to_converge_s and distance_to_converge_m speak of the stretch after the last kidnapping, or
-    of the whole run, from its first scan on. recoveries: one for each kidnapping. sighted: how many
-    references are within 5 s of a sighting of a landmark, and position_median_sighted_m, their
+    of the whole run, from its first scan on; so do time_to_find_s and distance_to_find_m, of the
+    moment after which errors stay small for 3 m and 5 references, and localized_fraction, of the
+    time since then: the share with small errors. recoveries: one for each kidnapping. sighted: how
+    many references are within 5 s of a sighting of a landmark, and position_median_sighted_m, their
     error. None where unknown.
     """
 
@@ -39,6 +41,9 @@ class Accuracy:
     converged: bool
     time_to_converge_s: float | None
     distance_to_converge_m: float | None
+    time_to_find_s: float | None
+    distance_to_find_m: float | None
+    localized_fraction: float | None
     nees_median: float | None
     recoveries: tuple[Recovery, ...]
     sighted: int = 0
@@ -80,7 +85,7 @@ def evaluate(
     whole = errors if scans is None else with_withheld(errors, reference, scans)
     moved = find_kidnappings(whole.t, whole.reference, odometry, kidnappings)
     stretches = recoveries(whole, moved)
-    last = stretches[-1]
+    last, first = stretches[-1], found(whole, moved)[-1]
     seen = np.zeros(len(errors.t), dtype=np.bool_)
     if sightings is not None and len(sightings):
         seen = _within(errors.t, sightings, SIGHTED)
@@ -96,6 +101,9 @@ def evaluate(
         converged=last.recovered,
         time_to_converge_s=last.after_s,
         distance_to_converge_m=last.after_m,
+        time_to_find_s=first.after_s,
+        distance_to_find_m=first.after_m,
+        localized_fraction=localized_fraction(whole, first),
         nees_median=nees_median(errors),
         recoveries=tuple(stretches[1:]),
         sighted=int(seen.sum()),

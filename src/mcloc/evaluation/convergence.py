@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcloc.evaluation.errors import PoseErrors
+from mcloc.evaluation.errors import STAMP_TOLERANCE, PoseErrors
 from mcloc.evaluation.kidnapping import Kidnapping
 
 CONVERGED_DISTANCE = 0.5  # m
@@ -52,6 +52,19 @@ def found(errors: PoseErrors, kidnappings: list[Kidnapping]) -> list[Recovery]:
         _recovery(errors, *stretch, _found(errors, *stretch))
         for stretch in _stretches(errors, kidnappings)
     ]
+
+
+def localized_fraction(errors: PoseErrors, last: Recovery) -> float | None:
+    """The share of the time with small errors, from the moment on at which the robot was `found` in
+    the last stretch; None where it was not.
+    """
+    if last.after_s is None:
+        return None
+    since = int(np.searchsorted(errors.t, last.t + last.after_s - STAMP_TOLERANCE))
+    after = np.arange(len(errors.t)) >= since
+    small = after.copy()
+    small[_bad(errors, since, len(errors.t))] = False
+    return errors.time_fraction(small) / errors.time_fraction(after)
 
 
 def _stretches(

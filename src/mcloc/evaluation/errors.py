@@ -47,14 +47,18 @@ class PoseErrors:
         return np.append(0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1])))
 
     def lost_fraction(self, limit: float) -> float:
-        """The share of time with a position error above `limit` metres.
+        """The share of time with a position error above `limit` metres."""
+        return self.time_fraction(self.position > limit)
+
+    def time_fraction(self, which: NDArray[np.bool_]) -> float:
+        """The share of time that the references of (N,) `which` carry.
 
         A reference carries the time to the next one, at most 5 s; the last one carries none,
         unless it is the only one.
         """
         carried = np.append(np.minimum(np.diff(self.t), GAP_CAP), 0.0)
         weights = carried if len(carried) > 1 else np.ones(1)
-        return float(np.sum(weights[self.position > limit]) / np.sum(weights))
+        return float(np.sum(weights[which]) / np.sum(weights))
 
 
 def pose_errors(estimate: Trajectory, reference: Trajectory) -> PoseErrors:

@@ -2,7 +2,7 @@
 
 from mcloc.inspection.finding import Finding
 from mcloc.inspection.fit import Fit, inspect_fit
-from mcloc.inspection.log_inspection import LogInspection, describe_log
+from mcloc.inspection.log_inspection import LogInspection, describe_log, describe_stream
 from mcloc.inspection.map_checks import describe_map, inspect_map
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "LogInspection",
     "describe_log",
     "describe_map",
+    "describe_stream",
     "inspect_fit",
     "inspect_map",
 ]

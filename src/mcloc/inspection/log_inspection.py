@@ -1,19 +1,20 @@
 """What is in a log, gathered event by event in bounded memory, and what looks wrong."""
 
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mcloc.events import Event, Odometry, Scan
+from mcloc.events import Event, Odometry, Scan, Sightings
 from mcloc.inspection.consistency import Comparison, Consistency, verdict
 from mcloc.inspection.fault_findings import tell
 from mcloc.inspection.faults import MIRRORED, TURNED, Fault
 from mcloc.inspection.finding import Finding
 from mcloc.inspection.path import Path
 from mcloc.inspection.readings import Readings, inspect_readings
+from mcloc.inspection.sightings import SightingsInspection, inspect_sightings
 from mcloc.inspection.stamps import Stamps, inspect_overlap, inspect_stamps
 from mcloc.inspection.windows import Windows
 from mcloc.localizer.odometry_buffer import OdometryBuffer
@@ -43,13 +44,15 @@ class LaserInspection:
 class LogInspection:
     """Everything that is said about one log.
 
-    lasers: by name. odometry: the stamps of its events. path: by the poses that scans carry, or
-    where they carry none, by the odometry's. windows: of the first laser, for a look at the map.
+    lasers: by name. odometry: the stamps of its events. sightings: of landmarks. path: by the poses
+    that scans carry, or where they carry none, by the odometry's. windows: of the first laser, for
+    a look at the map.
     """
 
     def __init__(self) -> None:
         self.lasers: dict[str, LaserInspection] = {}
         self.odometry = Stamps()
+        self.sightings = SightingsInspection()
         self.windows = Windows()
         self._by_scans, self._by_wheels = Path(), Path()
         self._buffer = OdometryBuffer(Counter())
@@ -64,6 +67,8 @@ class LogInspection:
                     self._wheels(event)
                 elif isinstance(event, Scan):
                     self._scan(event)
+                elif isinstance(event, Sightings):
+                    self.sightings.add(event)
             yield event
 
     @property
@@ -75,6 +80,7 @@ class LogInspection:
         found = inspect_stamps("odometry", self.odometry)
         for name, laser in self.lasers.items():
             found += self._of_laser(name, laser)
+        found += inspect_sightings(self.odometry, self.sightings)
         return [f for k, f in enumerate(found) if not _said(f, found[:k])]
 
     def _of_laser(self, name: str, laser: LaserInspection) -> list[Finding]:
@@ -132,10 +138,12 @@ def _said(finding: Finding, before: list[Finding]) -> bool:
     return any((f.check, f.about) == (finding.check, finding.about) for f in before)
 
 
-def describe_log(log: LogInspection) -> dict[str, Any]:
-    """In numbers: seconds, metres, radians; None where unknown. The log has at least one event."""
+def describe_log(log: LogInspection, landmarks: Sequence[str] = ()) -> dict[str, Any]:
+    """In numbers: seconds, metres, radians; None where unknown. landmarks: the names of those that
+    are known. The log has at least one event.
+    """
     path = log.path
-    streams = [log.odometry, *(laser.stamps for laser in log.lasers.values())]
+    streams = [log.odometry, log.sightings.stamps, *(x.stamps for x in log.lasers.values())]
     start = min(stamps.first for stamps in streams)
     end = max(stamps.last for stamps in streams)
     return {
@@ -144,15 +152,31 @@ def describe_log(log: LogInspection) -> dict[str, Any]:
         "duration_s": _finite(end - start),
         "distance_m": _finite(path.length) if path.count else None,
         "backward_m": _finite(path.backward) if path.count else None,
-        "odometry": _stream(log.odometry) if log.odometry.count else None,
+        "odometry": describe_stream(log.odometry) if log.odometry.count else None,
         "lasers": {name: _laser(laser) for name, laser in log.lasers.items()},
+        "sightings": _sightings(log.sightings, landmarks) if landmarks else None,
     }
 
 
-def _stream(stamps: Stamps) -> dict[str, Any]:
-    """How many events, and how many a second on average."""
+def describe_stream(stamps: Stamps) -> dict[str, Any]:
+    """How many events, how many a second on average, and the longest time without one."""
     steps, duration = stamps.count - 1, stamps.duration
-    return {"events": stamps.count, "rate_hz": steps / duration if duration > 0.0 else None}
+    return {
+        "events": stamps.count,
+        "rate_hz": _finite(steps / duration) if duration > 0.0 else None,
+        "longest_gap_s": _finite(stamps.longest_gap),
+    }
+
+
+def _sightings(seen: SightingsInspection, landmarks: Sequence[str]) -> dict[str, Any]:
+    """Of each landmark that is known by its name."""
+    of = {name: seen.of[k] for k, name in enumerate(landmarks)}
+    return {
+        **describe_stream(seen.stamps),
+        "sightings": sum(of.values()),
+        "of_landmark": of,
+        "range_median_m": _finite(seen.median),
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -163,7 +187,7 @@ def _laser(laser: LaserInspection) -> dict[str, Any]:
     scan, readings = laser.scan, laser.readings
     ends = float(scan.angles.min()), float(scan.angles.max())
     return {
-        **_stream(laser.stamps),
+        **describe_stream(laser.stamps),
         "beams": len(scan.ranges),
         "angles_rad": list(ends),
         "range_min_m": readings.range_min,

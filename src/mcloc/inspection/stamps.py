@@ -70,20 +70,29 @@ class Stamps:
         return self._periods.median
 
     @property
+    def longest_gap(self) -> float:
+        """Seconds: the longest step forwards; NaN without any."""
+        return self.longest[0].length if self.longest else math.nan
+
+    @property
     def duration(self) -> float:
         """Seconds; 0 without events."""
         return max(self.last - self.first, 0.0)
 
 
 def inspect_stamps(name: str, stamps: Stamps) -> list[Finding]:
-    """What looks wrong with the clock of one stream."""
+    """What looks wrong with the clock of one stream that comes steadily."""
     if stamps.count < ENOUGH:
         return []
-    found = (
-        _jump_forward(name, stamps),
-        _jump_back(name, stamps) or _reordered(name, stamps),
-        _repeated(name, stamps),
-    )
+    jump = _jump_forward(name, stamps)
+    return ([] if jump is None else [jump]) + inspect_order(name, stamps)
+
+
+def inspect_order(name: str, stamps: Stamps) -> list[Finding]:
+    """What looks wrong with the order of the stamps of one stream."""
+    if stamps.count < ENOUGH:
+        return []
+    found = _jump_back(name, stamps) or _reordered(name, stamps), _repeated(name, stamps)
     return [finding for finding in found if finding is not None]
 
 
@@ -149,7 +158,9 @@ def _repeated(name: str, stamps: Stamps) -> Finding | None:
 
 
 def inspect_overlap(odometry: Stamps, name: str, laser: Stamps) -> Finding | None:
-    """Odometry and scans are of one drive only if their clocks run at the same time."""
+    """Odometry and what a sensor measures are of one drive only if their clocks run at the same
+    time.
+    """
     if min(odometry.count, laser.count) < ENOUGH:
         return None
     shared = min(odometry.last, laser.last) - max(odometry.first, laser.first)
@@ -158,9 +169,9 @@ def inspect_overlap(odometry: Stamps, name: str, laser: Stamps) -> Finding | Non
     return Finding(
         "clocks-apart",
         name,
-        "the stamps of its scans are of another time than those of the odometry",
-        f"scans from t = {laser.first:.3f} s to {laser.last:.3f} s, odometry from"
+        "the stamps are of another time than those of the odometry",
+        f"they are from t = {laser.first:.3f} s to {laser.last:.3f} s, odometry from"
         f" {odometry.first:.3f} s to {odometry.last:.3f} s",
-        f"shift one of them; the scans begin {laser.first - odometry.first:.3f} s after the"
+        f"shift one of them; the {name} begins {laser.first - odometry.first:.3f} s after the"
         " odometry",
     )

@@ -5,12 +5,12 @@
 
 scan_index counts the scans of the log from 0; a column t (s) may stand in its place. The antenna's
 columns (m ahead, to the left, up, on the robot) may be left out: it is at its origin then. A range
-that is empty, not finite or not > 0 is none.
+that is empty, not finite or not > 0 is none. A line that is repeated counts once.
 """
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -32,12 +32,12 @@ class BeaconLog:
     """Readings of beacons; those of one moment, by one antenna, are one measurement.
 
     of_scan: by the scan at which they were made, their stamps unknown. timed: in the order of time.
-    unknown: how many were of beacons that the map has not, by beacon.
+    left_out: how many readings are in neither, by reason.
     """
 
     of_scan: Mapping[int, Sequence[BeaconRanges]]
     timed: Sequence[BeaconRanges]
-    unknown: Counter[str]
+    left_out: Counter[str]
 
     def among(self, events: Iterator[Event], skipped: Skipped) -> Iterator[Event]:
         """The events of a log with the readings in their places: those at a scan after it, with its
@@ -47,7 +47,7 @@ class BeaconLog:
         Where a log tells odometry with its scans alone, that is passed on as events of its own, for
         readings between scans.
         """
-        skipped.update({f"range to unknown beacon {k}": n for k, n in self.unknown.items()})
+        skipped.update(self.left_out)
         scans, following, wheels = 0, 0, not self.timed
         for event in events:
             while following < len(self.timed) and self.timed[following].t <= event.t:
@@ -89,6 +89,8 @@ def read_beacon_ranges(path: str | Path, beacons: Beacons) -> BeaconLog:
     index = {name: k for k, name in enumerate(beacons.names)}
     found: defaultdict[tuple[float, tuple[float, ...]], list[tuple[int, float]]] = defaultdict(list)
     unknown: Counter[str] = Counter()
+    left_out: Counter[str] = Counter()
+    before: set[tuple[Hashable, ...]] = set()
     by_scan = False
     for line, row in text.records(NEEDED):
         if "scan_index" not in row and "t" not in row:
@@ -98,6 +100,11 @@ def read_beacon_ranges(path: str | Path, beacons: Beacons) -> BeaconLog:
         by_scan = "scan_index" in row
         moment = _scan(text, line, row) if by_scan else text.number(line, "t", row["t"])
         antenna, r = _antenna(text, line, row), _range(text, line, row["range_m"])
+        reading = moment, antenna, row["beacon_id"], str(r)  # as text NaN equals NaN
+        if reading in before:
+            left_out[f"duplicate {BeaconRanges.called}"] += 1
+            continue
+        before.add(reading)
         if row["beacon_id"] in index:
             found[moment, antenna].append((index[row["beacon_id"]], r))
         else:
@@ -107,14 +114,20 @@ def read_beacon_ranges(path: str | Path, beacons: Beacons) -> BeaconLog:
             f"{path}: holds no range to a beacon of {beacons.name}, which has "
             f"{', '.join(beacons.names)}; ranges to others: {dict(unknown) or 'none'}"
         )
+    left_out.update({f"range to unknown beacon {k}": n for k, n in unknown.items()})
     of_scan: defaultdict[int, list[BeaconRanges]] = defaultdict(list)
     timed: list[BeaconRanges] = []
+    sources: dict[tuple[float, ...], str] = {}
     for (moment, antenna), readings in found.items():
         numbers, ranges = zip(*readings, strict=True)
         at = math.nan if by_scan else moment
-        measured = BeaconRanges(at, np.array(numbers), np.array(ranges), np.array(antenna))
+        # Of two measurements of one source with one stamp the second would be taken for the first.
+        source = sources.setdefault(antenna, f"beacons by antenna {len(sources)}")
+        measured = BeaconRanges(
+            at, np.array(numbers), np.array(ranges), np.array(antenna), source=source
+        )
         (of_scan[int(moment)] if by_scan else timed).append(measured)
-    return BeaconLog(of_scan, sorted(timed, key=lambda reading: reading.t), unknown)
+    return BeaconLog(of_scan, sorted(timed, key=lambda measured: measured.t), left_out)
 
 
 def write_beacon_ranges(

@@ -28,17 +28,15 @@ from mcloc.density import FAR
 from mcloc.errors import ConfigError, LogError, MapError, McLocError, TruthError
 from mcloc.events import Detection, Event, Odometry, Sightings
 from mcloc.geometry import Pose, wrap
+from mcloc.io.in_time import LEAP, Row, in_time
 from mcloc.io.messages import Skipped
 from mcloc.maps.landmarks import Landmarks
 from mcloc.textfile import TextFile
 from mcloc.trajectory import Trajectory
 
 BARCODES, LANDMARKS = "Barcodes.dat", "Landmark_Groundtruth.dat"
-LEAP = 10.0  # s
 ROBOTS = 5  # subjects 1 … 5 are robots, in all of these folders
 _NAME = re.compile(r"Robot(\d+)_Odometry\.dat")
-
-Row = tuple[int, list[float]]
 
 
 def is_mrclam(path: str | Path) -> bool:
@@ -134,7 +132,7 @@ class Mrclam:
         pose = x, y, theta = 0.0, 0.0, 0.0
         before, v, omega = math.nan, 0.0, 0.0
         rows = self._rows(f"Robot{self.robot}_Odometry.dat", "t v ω", LogError)
-        for _, (t, *velocity) in _in_time(rows, "odometry", skipped):
+        for _, (t, *velocity) in in_time(rows, "odometry", skipped):
             if not all(map(math.isfinite, (t, *velocity))):
                 yield Odometry(t, np.full(3, math.nan))
                 continue
@@ -158,20 +156,17 @@ class Mrclam:
             for barcode, subject in self._subject_of_barcode.items()
             if self._is_robot(subject)
         }
-        name = f"Robot{self.robot}_Measurement.dat"
-        rows = self._rows(name, "t barcode range bearing", LogError)
-        for _, (t, barcode, r, b) in _in_time(rows, "detection", skipped):
-            if barcode in robots:
-                yield Detection(t, robots[barcode], r, b, mount=mount)
+        for t, together in self._measured("detection", skipped):
+            for barcode, r, b in together:
+                if barcode in robots:
+                    yield Detection(t, robots[barcode], r, b, mount=mount)
 
     def _sightings(self, mount: Pose, skipped: Skipped) -> Iterator[Sightings]:
         """One event for each stamp at which a landmark was seen."""
-        name, landmarks = f"Robot{self.robot}_Measurement.dat", self._landmark_of_barcode
-        every = self._rows(name, "t barcode range bearing", LogError)
-        rows = _in_time(every, "sighting", skipped)
-        for t, together in groupby(rows, key=lambda row: row[1][0]):
+        landmarks = self._landmark_of_barcode
+        for t, together in self._measured("sighting", skipped):
             seen = []
-            for _, (_, barcode, r, bearing) in together:
+            for barcode, r, bearing in together:
                 landmark = landmarks.get(barcode, "sighting of an unknown barcode")
                 if isinstance(landmark, str):
                     skipped[landmark] += 1
@@ -180,6 +175,19 @@ class Mrclam:
             if seen:
                 which, ranges, bearings = np.array(seen).T
                 yield Sightings(t, which.astype(np.intp), ranges, bearings, mount)
+
+    def _measured(self, what: str, skipped: Skipped) -> Iterator[tuple[float, list[list[float]]]]:
+        """Each stamp, and barcode, range and bearing of what was seen then; a line that is repeated
+        counts once.
+        """
+        name = f"Robot{self.robot}_Measurement.dat"
+        rows = in_time(self._rows(name, "t barcode range bearing", LogError), what, skipped)
+        for t, together in groupby(rows, key=lambda row: row[1][0]):
+            every = [row[1:] for _, row in together]
+            once = {str(row): row for row in every}  # as text NaN equals NaN
+            if len(once) < len(every):
+                skipped[f"duplicate {what}"] += len(every) - len(once)
+            yield t, list(once.values())
 
     @cached_property
     def _landmark_of_barcode(self) -> Mapping[float, int | str]:
@@ -230,20 +238,3 @@ class Mrclam:
                 yield number, [float(field) for field in fields]
             except ValueError as cause:
                 raise text.fault(number, f"{columns} must be numbers ({cause})") from cause
-
-
-def _in_time(rows: Iterator[Row], what: str, skipped: Skipped) -> Iterator[Row]:
-    """The rows but for those whose stamp leaps ahead of the next one's: a single wrong one must not
-    hold up all that come after it.
-    """
-    before, held = -math.inf, None
-    for row in rows:
-        if held is not None:
-            if before <= row[1][0] < held[1][0] - LEAP:
-                skipped[f"{what} stamp from the future"] += 1
-            else:
-                yield held
-                before = held[1][0]
-        held = row
-    if held is not None:
-        yield held

@@ -10,7 +10,7 @@ localisation]. Which landmark it is, nobody may know: then p(r | d) p(b | β) is
 that are in view  [PR Table 6.4 with c_k summed out]. In view is landmark j with the chance that
 what is measured of it lies within the sensor's limits,
 
-    v_j = P(N(d_j, σ_d²) ≤ r_max) P(|N(β_j, σ_bearing²)| ≤ fov / 2).
+    v_j = P(N(d_j, σ_d²) ≤ r_max) Σ_i P(|N(β_j + 2 π i, σ_bearing²)| ≤ fov / 2).
 """
 
 import math
@@ -102,10 +102,19 @@ class LandmarkModel(Configurable):
         d, direction = self._towards(x, landmark)
         view: Array = ndtr((self.range_max - d) / self.sigma(d))
         if self.fov < 2.0 * math.pi and len(x) == 3:
-            bearing, half = wrap(direction - x[2]), 0.5 * self.fov
-            right, left = ((end - bearing) / self.sigma_bearing for end in (-half, half))
-            view *= ndtr(left) - ndtr(right)
+            view *= self._within_fov(wrap(direction - x[2]))
         return view
+
+    def _within_fov(self, bearing: Array) -> Array:
+        """(n,): the chance that a bearing is measured within it; beyond ±π it comes in again."""
+        half, sigma = 0.5 * self.fov, self.sigma_bearing
+        # Of a bearing as many turns off as these, 6 σ do not reach into view.
+        most = math.ceil((half + 6.0 * sigma + math.pi) / (2.0 * math.pi)) - 1
+        within = np.zeros(len(bearing))
+        for turns in range(-most, most + 1):
+            off = bearing + 2.0 * math.pi * turns
+            within += ndtr((half - off) / sigma) - ndtr((-half - off) / sigma)
+        return within
 
     def log_likelihood(self, x: States, z: Sightings) -> LogWeights:
         """(n,): log p(z | x), relative to the p of ranges and bearings that are just those
