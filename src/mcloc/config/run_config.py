@@ -8,8 +8,9 @@ import math
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, cast
+from typing import Any
 
+from mcloc.config.typed import check_path, defaults, typed
 from mcloc.errors import ConfigError
 from mcloc.filters.catalog import REGISTRIES, Composition
 from mcloc.localizer import PACES, Pace, UpdatePolicy
@@ -167,7 +168,7 @@ class RunConfig:
     def resolved(self) -> "RunConfig":
         """The same run with a seed, and with the value of each parameter spelt out."""
         settings = {
-            part: {**_defaults(self._class(part)), **self.settings.get(part, {})} for part in PARTS
+            part: {**defaults(self._class(part)), **self.settings.get(part, {})} for part in PARTS
         }
         seed = secrets.randbits(32) if self.seed is None else self.seed
         return replace(self, seed=seed, settings=settings)
@@ -228,24 +229,6 @@ class RunConfig:
         return typed(part, self._class(part), self.settings.get(part, {}), owner)
 
 
-def typed(
-    part: str, kind: type[Any], settings: Mapping[str, Value], owner: str | None = None
-) -> dict[str, Value]:
-    """The settings of a part of that kind, text turned into what each parameter is. owner: the part
-    in messages. Raises ConfigError for parameters that it does not have, or values of a wrong kind.
-    """
-    defaults = _defaults(kind)
-    for name in settings:
-        if name not in defaults:
-            raise ConfigError(
-                f"{owner or part} has no parameter {name!r}; {suggest(name, defaults)}"
-            )
-    return {
-        name: _value(f"{part}.{name}", value, type(defaults[name]))
-        for name, value in settings.items()
-    }
-
-
 def check_mount(mount: Triple) -> None:
     """Raises ConfigError for a laser that is not on the robot."""
     near = len(mount) == 3 and math.hypot(*mount[:2]) <= FARTHEST_MOUNT
@@ -254,34 +237,6 @@ def check_mount(mount: Triple) -> None:
             f"mount must be a pose on the robot, at most {FARTHEST_MOUNT:g} m from its centre, got "
             f"{list(mount)} (m, m, rad)"
         )
-
-
-def check_path(where: str, text: str) -> None:
-    """Raises ConfigError for what no config.yaml could name: bytes that are no UTF-8, or a NUL."""
-    if "\0" in text or any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise ConfigError(f"{where} must be a name in UTF-8, got {text!a}; rename it")
-
-
-def _defaults(part: type[Any]) -> dict[str, Value]:
-    return {f.name: cast(Value, f.default) for f in parameters(part)}
-
-
-def _value(where: str, value: Value, kind: type) -> Value:
-    """`value` as the kind of the parameter; its limits are checked where the part is built."""
-    if kind is bool and str(value).lower() in ("true", "false"):
-        return str(value).lower() == "true"
-    if kind is str and isinstance(value, str):
-        check_path(where, value)
-        return value
-    if kind in (int, float) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            pass
-        else:
-            return int(number) if kind is int and number.is_integer() else number
-    wanted = {bool: "true or false", str: "text"}.get(kind, "a number")
-    raise ConfigError(f"{where} must be {wanted}, got {value!r}")
 
 
 def _line(key: str, value: object, note: str) -> str:

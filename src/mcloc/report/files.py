@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mcloc.config import RunConfig
-from mcloc.config.run_config import check_path
+from mcloc.config.typed import check_path
 from mcloc.errors import ConfigError, TruthError
 from mcloc.io.tum import write_tum
 from mcloc.report.picture import draw

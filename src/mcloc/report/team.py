@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mcloc.config import RunConfig
-from mcloc.config.run_config import typed
+from mcloc.config.typed import typed
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
