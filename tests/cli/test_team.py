@@ -11,6 +11,8 @@ import pytest
 from mcloc.geometry import wrap
 from mcloc.io.tum import read_trajectory
 from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.report.team_picture import draw_team
+from mcloc.team.team import Team
 
 Mcloc = Callable[..., Any]
 
@@ -91,7 +93,8 @@ def told(folder: Path, mcloc: Mcloc, tmp_path_factory: pytest.TempPathFactory) -
 
 def test_json_has_what_was_promised_and_nothing_else(told: Path) -> None:
     summary = json.loads((told / "summary.json").read_text())
-    assert set(summary) == {"robots", "detections", "message_bytes"}
+    assert set(summary) == {"seed", "robots", "detections", "message_bytes"}
+    assert summary["seed"] == 3
     assert set(summary["robots"]) == {"1", "2", "3"}
     assert set(summary["robots"]["2"]) == WITHOUT_NUMBERS
     assert set(summary["robots"]["1"]) == WITHOUT_NUMBERS | {
@@ -115,6 +118,42 @@ def test_robots_without_landmarks_are_found_by_the_one_that_has_them(told: Path)
         off = np.hypot(*(path.poses - true)[:, :2].T)
         assert np.median(off[path.t > START + 20.0]) < 0.4
         assert (told / f"robot{name}.csv").read_text().startswith("t,x,y,theta,cov_xx")
+
+
+def test_a_picture_shows_each_robot(folder: Path, told: Path, tmp_path: Path) -> None:
+    assert (told / "team.png").read_bytes().startswith(b"\x89PNG")
+    run = TeamRun(TeamConfig(str(folder), (1,), seed=3))
+    for _ in run:
+        pass
+    draw_team(run, tmp_path / "again.png")
+    assert (tmp_path / "again.png").read_bytes() == (told / "team.png").read_bytes()
+    # Robot 2 has a place from the first moment on at which it is told one.
+    told_at = run.members["2"].told
+    assert told_at == sorted(told_at)
+    assert run.members["2"].history.column("t")[0] == told_at[0]
+    assert sum(len(of.told) for of in run.members.values()) == len(run.message_bytes)
+
+
+def test_an_interrupted_run_leaves_the_results_so_far(
+    folder: Path, mcloc: Mcloc, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, calls = Team.process, []
+
+    def interrupted(self: Team, robot: str, event: Any) -> Any:
+        calls.append(event)
+        if len(calls) == 1000:
+            raise KeyboardInterrupt
+        return process(self, robot, event)
+
+    monkeypatch.setattr(Team, "process", interrupted)
+    options = "--landmarks-for", "1", "--seed", "3", "--out", tmp_path
+    done = mcloc("team", "run", "--data", folder, *options)
+    assert done.code == 130
+    assert f"results so far are in {tmp_path}" in done.stderr
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"summary.json", "team.png", "robot1.csv", "robot1.tum"} <= names
+    path = read_trajectory(tmp_path / "robot1.tum")
+    assert START < path.t[-1] < START + LENGTH / 2.0
 
 
 def test_a_seed_tells_the_same(folder: Path, told: Path, mcloc: Mcloc, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import typer
 
 from mcloc.cli.options import Filter, Json, Motion, Recovery, Seed, Size, Threads
 from mcloc.cli.values import robots, settings
-from mcloc.errors import ConfigError
+from mcloc.errors import ConfigError, LogError
 
 if TYPE_CHECKING:
     from mcloc.report.team import TeamRun
@@ -83,10 +83,11 @@ def run_team(
         Path | None,
         _Option(
             metavar="DIR",
-            help="A folder for the results: summary.json, and for each robot N robotN.csv (its "
-            "estimates) and robotN.tum (its path).",
+            help="A folder for the results: summary.json, team.png, and for each robot N "
+            "robotN.csv (its estimates) and robotN.tum (its path).",
         ),
     ] = None,
+    plot: Annotated[bool, _Option("--plot/--no-plot", help="Draw team.png, with --out.")] = True,
     json: Json = False,
 ) -> None:
     """Replay the robots of an MRCLAM folder in one process: each with a filter of its own, and each
@@ -115,7 +116,8 @@ def run_team(
     for a filter as sure as it should be, more for one that is too sure. Below it: how many
     detections were used, why others were not, and how long a message would be between robots.
 
-    Exit codes: 0 done, 2 the input was wrong, 130 interrupted.
+    Exit codes: 0 done, 2 the input was wrong, 130 interrupted; then, too, --out gets what was found
+    so far.
     """
     if data is None:
         raise ConfigError("which logs? Give --data FOLDER, an MRCLAM folder")
@@ -123,6 +125,7 @@ def run_team(
     from mcloc.report import check_folder
     from mcloc.report.summary import to_json
     from mcloc.report.team import TeamConfig, TeamRun
+    from mcloc.report.team_files import write_team
 
     parts = {"filter": filter, "motion": motion, "size": size, "recovery": recovery}
     config = TeamConfig(
@@ -137,34 +140,23 @@ def run_team(
     )
     if out is not None:
         check_folder(out)
-    run = TeamRun(config)
-    with shown() as show:
-        for estimate in run:
-            show(estimate)
-    summary = run.summary()
-    if out is not None:
-        _write(run, summary, out)
+    run, failure = TeamRun(config), None
+    try:
+        with shown() as show:
+            for estimate in run:
+                show(estimate)
+    except (LogError, KeyboardInterrupt) as cause:
+        failure = cause
+    if out is not None and (failure is None or run.placed):
+        write_team(run, out, plot)
+    if failure is not None:
+        if out is not None and run.placed:
+            typer.echo(f"results so far are in {out}", err=True)
+        raise failure
     if json:
-        typer.echo(to_json(summary), nl=False)
+        typer.echo(to_json(run.summary()), nl=False)
     else:
-        _print(run, summary, out)
-
-
-def _write(run: "TeamRun", summary: dict[str, Any], out: Path) -> None:
-    from mcloc.io.tum import write_tum
-    from mcloc.report.summary import to_json
-    from mcloc.storage import replacing
-
-    with replacing(out / "summary.json") as path:
-        path.write_text(to_json(summary), encoding="utf-8")
-    for name, member in run.members.items():
-        if not len(member.history):
-            continue
-        with replacing(out / f"robot{name}.csv") as path:
-            lines = (f"{line}\n" for line in member.history.estimates_csv())
-            path.write_text("".join(lines), encoding="utf-8")
-        with replacing(out / f"robot{name}.tum") as path:
-            write_tum(member.history.trajectory, path)
+        _print(run, run.summary(), out)
 
 
 def _print(run: "TeamRun", summary: dict[str, Any], out: Path | None) -> None:

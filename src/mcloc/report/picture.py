@@ -83,7 +83,7 @@ def _draw_map(axes: "Axes", run: Run, estimate: Trajectory) -> None:
         shown.append(run.landmarks.places)
         axes.plot(*run.landmarks.places.T, "*", color="k", ms=9, mfc=SEEN, label="landmarks")
     shown += draw_beacons(axes, run)
-    _zoom(axes, np.concatenate(shown))
+    zoom(axes, np.concatenate(shown))
     axes.set(xlabel="x [m]", ylabel="y [m]", title=_title(run))
     axes.get_figure().legend(loc="outside lower left", ncols=6, frameon=False)  # type: ignore[union-attr]
 
@@ -103,7 +103,7 @@ def draw_grid(axes: "Axes", grid: OccupancyGrid) -> None:
     axes.set_facecolor(f"{UNKNOWN_SHADE}")
 
 
-def _zoom(axes: "Axes", shown: NDArray[np.float64]) -> None:
+def zoom(axes: "Axes", shown: NDArray[np.float64]) -> None:
     """Where the robot was, true or believed, landmarks, and some surroundings."""
     low, high = shown.min(axis=0) - MARGIN, shown.max(axis=0) + MARGIN
     axes.set_aspect("equal", adjustable="datalim")
@@ -125,7 +125,7 @@ def _draw_position(axes: "Axes", estimate: Trajectory, errors: PoseErrors | None
         axes.hlines(limits, *ends, color=LOST, lw=0.8, ls="--", label="lost")
         axes.set_xlim(ends)
     axes.set(ylabel="position [m]")
-    _scale(axes, "{:g}")
+    logarithmic(axes, "{:g}")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False)
 
 
@@ -137,17 +137,17 @@ def _draw_heading(axes: "Axes", estimate: Trajectory, errors: PoseErrors | None)
         found = np.maximum(np.degrees(errors.heading), 1e-2)
         axes.plot(errors.t, found, color=BELIEVED, lw=1.2)
     axes.set(ylabel="heading [°]")
-    _scale(axes, "{:g}")
+    logarithmic(axes, "{:g}")
 
 
 def _draw_particles(axes: "Axes", run: Run, estimate: Trajectory) -> None:
     n = run.history.column("n_particles")
     axes.step(estimate.t, n, where="post", color="0.3", lw=1.2)
     axes.set(ylabel="particles, or cells", xlabel="t [s]")
-    _scale(axes, "{:,.0f}")
+    logarithmic(axes, "{:,.0f}")
 
 
-def _scale(axes: "Axes", numbers: str) -> None:
+def logarithmic(axes: "Axes", numbers: str) -> None:
     """Logarithmic, with plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 

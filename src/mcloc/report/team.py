@@ -77,12 +77,15 @@ class TeamConfig:
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One robot of a team: its log, the truth about it, None without, and what was found."""
+    """One robot of a team: its log, the truth about it, None without, what was found, and when it
+    was told where it is (s).
+    """
 
     log: Mrclam
     sees_landmarks: bool
     truth: Trajectory | None
     history: History = field(default_factory=History)
+    told: list[float] = field(default_factory=list)
 
 
 class TeamRun:
@@ -121,24 +124,31 @@ class TeamRun:
             if isinstance(event, Odometry):
                 self._carry(name, event.t - PATIENCE)
         yield from self._noted(self.team.finish())
-        if not any(len(member.history) for member in self.members.values()):
+        if not self.placed:
             raise LogError(
                 f"{self.config.data}: no robot ever had a place: none saw landmarks that it knows "
                 "of; name some with --landmarks-for, or say where they start with --told-start"
             )
 
+    @property
+    def placed(self) -> bool:
+        """Whether any robot ever had a place."""
+        return any(len(member.history) for member in self.members.values())
+
     def _carry(self, name: str, t: float) -> None:
         self.members[name].history.carry(self.team.robots[name], t)
 
     def _noted(self, estimates: list[tuple[str, Estimate]]) -> Iterator[Estimate]:
-        self.message_bytes += [len(packed(told.tree)) for told in self.team.told]
+        for told in self.team.told:
+            self.message_bytes.append(len(packed(told.tree)))
+            self.members[told.robot].told.append(told.t)
         for name, estimate in estimates:
             self.members[name].history.add(estimate)
             yield estimate
 
     def summary(self) -> dict[str, Any]:
         """The accuracy of each robot, None where it never had a place or nobody knows the truth;
-        how many detections were used, and how many not, by reason; how long messages are.
+        how many detections were used, and how many not, by reason; how long messages are; the seed.
         """
         robots = {
             name: accuracy_against(member.truth, member.history).to_dict()
@@ -148,6 +158,7 @@ class TeamRun:
         }
         sizes = self.message_bytes
         told: dict[str, Any] = {
+            "seed": self.seed,
             "robots": robots,
             "detections": {
                 "used": self.team.used,
