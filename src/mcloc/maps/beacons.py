@@ -1,15 +1,13 @@
 """Radio beacons: places that a robot measures its distance to."""
 
-import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcloc.errors import MapError
+from mcloc.maps.named_places import NamedPlaces
 from mcloc.maps.occupancy import FARTHEST
 from mcloc.textfile import TextFile
 
@@ -17,38 +15,13 @@ COLUMNS = "beacon_id", "x", "y", "z"
 
 
 @dataclass(frozen=True, eq=False)
-class Beacons:
-    """names: as users and logs call them. places: (L, 3) metres, map frame; heights above the
-    floor.
+class Beacons(NamedPlaces):
+    """Radio beacons by name, at places (L, 3); heights above the floor. Errors: NamedPlaces."""
 
-    Raises MapError for tables that do not fit, places that are not finite, and names that are there
-    twice.
-    """
+    called: ClassVar[str] = "beacon"
+    axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
 
-    names: Sequence[str]
-    places: NDArray[np.float64]
-    name: str = "beacons"  # of the file, for messages
-
-    def __post_init__(self) -> None:
-        if len(self.names) == 0:
-            raise MapError(f"{self.name}: there is no beacon in it")
-        places = np.array(self.places, dtype=np.float64)
-        if places.shape != (len(self.names), 3) or not (np.abs(places) < FARTHEST).all():
-            raise MapError(
-                f"{self.name}: each beacon needs finite x, y, z in metres, less than {FARTHEST:g} "
-                "away"
-            )
-        if len(set(self.names)) < len(self.names):
-            twice = next(name for name in self.names if list(self.names).count(name) > 1)
-            raise MapError(f"{self.name}: beacon {twice} is there twice; remove one of them")
-        object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(self, "places", places)
-
-    @cached_property
-    def checksum(self) -> str:
-        """The same for the same beacons."""
-        told = "\n".join(self.names).encode() + self.places.tobytes()
-        return hashlib.sha256(told).hexdigest()
+    name: str = "beacons"
 
 
 def read_beacons(path: str | Path) -> Beacons:

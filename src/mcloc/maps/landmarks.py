@@ -1,52 +1,27 @@
 """Landmarks: places that a robot recognizes, by name."""
 
-import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mcloc.errors import MapError
-from mcloc.maps.occupancy import FARTHEST, FREE, OccupancyGrid
+from mcloc.maps.named_places import NamedPlaces
+from mcloc.maps.occupancy import FREE, OccupancyGrid
 
 OPEN_CELL = 0.1  # m, of a floor without walls
 MOST_CELLS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarks:
-    """names: as users and logs call them. places: (L, 2) metres, map frame.
+class Landmarks(NamedPlaces):
+    """Landmarks by name, at places (L, 2). Errors: NamedPlaces."""
 
-    Raises MapError for tables that do not fit, places that are not finite, and names that are there
-    twice.
-    """
+    called: ClassVar[str] = "landmark"
+    axes: ClassVar[tuple[str, ...]] = ("x", "y")
 
-    names: Sequence[str]
-    places: NDArray[np.float64]
-    name: str = "landmarks"  # of the file, for messages
-
-    def __post_init__(self) -> None:
-        if len(self.names) == 0:
-            raise MapError(f"{self.name}: there is no landmark in it")
-        places = np.array(self.places, dtype=np.float64).reshape(len(self.names), -1)
-        if places.shape[1] != 2 or not (np.abs(places) < FARTHEST).all():
-            raise MapError(
-                f"{self.name}: each landmark needs finite x, y in metres, less than {FARTHEST:g} "
-                "away"
-            )
-        if len(set(self.names)) < len(self.names):
-            twice = next(name for name in self.names if list(self.names).count(name) > 1)
-            raise MapError(f"{self.name}: landmark {twice} is there twice")
-        object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(self, "places", places)
-
-    @cached_property
-    def checksum(self) -> str:
-        """The same for the same landmarks."""
-        told = "\n".join(self.names).encode() + self.places.tobytes()
-        return hashlib.sha256(told).hexdigest()
+    name: str = "landmarks"
 
     @classmethod
     def numbered(cls, places: ArrayLike) -> "Landmarks":
