@@ -84,7 +84,7 @@ class Job:
             "nees": summary["accuracy"]["nees_median"],
             "found": first.recovered,
             "after": min(first.after_m, WITHIN) if first.after_m is not None else WITHIN,
-            "beacons": summary["beacons"],
+            "beacons": summary.get("beacons", {}),
         }
 
 
