@@ -218,6 +218,9 @@ WRONG = {
     "no parameter": (["--set", "detection.sigma=1"], "detection has no parameter 'sigma'"),
     "no value": (["--set", "detection.p_false=2"], "detection.p_false = 2.0 must be"),
     "no part": (["--set", "detections.p_false=0.1"], "unknown part 'detections'"),
+    "no threads": (["--threads", "0"], "threads must be >= 1, got 0"),
+    "no seed": (["--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, got -1"),
+    "too large a seed": (["--seed", str(2**64)], f"from 0 to 2^64 - 1, got {2**64}"),
     "nobody knows": (["--landmarks-for", "none"], "no robot ever had a place"),
     "kalman anywhere": (["--filter", "kalman"], "say where it starts"),
 }

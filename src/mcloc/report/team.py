@@ -12,6 +12,7 @@ import numpy as np
 
 from mcloc.config import RunConfig
 from mcloc.config.typed import typed
+from mcloc.draws import check_seed
 from mcloc.errors import ConfigError, LogError
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
@@ -45,7 +46,8 @@ class TeamConfig:
     for None. told_start: whether they know where they start, by the truth, to TOLD_SIGMA. detect:
     whether robots that see each other are told. parts: {kind: name} of the filters, as of a
     RunConfig. settings: {part: {parameter: value}}, as there, and of OF_TEAM. Of a detection that
-    is not set is taken what the camera does with landmarks. seed: None for a fresh one.
+    is not set is taken what the camera does with landmarks. seed: None for a fresh one. Raises
+    ConfigError for what cannot be one.
     """
 
     data: str
@@ -57,6 +59,10 @@ class TeamConfig:
     seed: int | None = None
     threads: int | None = None
 
+    def __post_init__(self) -> None:
+        if self.seed is not None:
+            check_seed(self.seed)
+
     def of_robot(self, robot: int, seed: int) -> RunConfig:
         """How one of them is localized."""
         settings = {part: of for part, of in self.settings.items() if part not in OF_TEAM}
@@ -65,6 +71,7 @@ class TeamConfig:
             self.data,
             robot=robot,
             seed=(seed + robot) % 2**64,
+            threads=self.threads,
             settings=settings,
             **self.parts,  # type: ignore[arg-type]
         )
