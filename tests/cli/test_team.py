@@ -217,6 +217,10 @@ WRONG = {
     "no filter": (["--filter", "mlc"], "did you mean 'mcl'"),
     "no parameter": (["--set", "detection.sigma=1"], "detection has no parameter 'sigma'"),
     "no value": (["--set", "detection.p_false=2"], "detection.p_false = 2.0 must be"),
+    "a camera that sees nothing": (
+        ["--set", "sightings.p_outlier=1"],
+        "sightings.p_outlier: by it detection.p_false = 1.0 must be > 0 and <= 0.99; set that, too",
+    ),
     "no part": (["--set", "detections.p_false=0.1"], "unknown part 'detections'"),
     "no threads": (["--threads", "0"], "threads must be >= 1, got 0"),
     "no seed": (["--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, got -1"),

@@ -21,7 +21,7 @@ from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
 from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.teammates import Teammates
-from mcloc.registry import Configurable, Value, named
+from mcloc.registry import Configurable, ParameterError, Value, named
 from mcloc.report.history import History
 from mcloc.report.summary import accuracy_against, known
 from mcloc.team.detection import DetectionModel
@@ -34,8 +34,11 @@ TOLD_SIGMA = (0.05, 0.05, 0.02)  # m, m, rad: how well a start pose is told
 OF_TEAM: Mapping[str, type[Configurable]] = {"detection": DetectionModel, "team": TeamPolicy}
 """What has parameters to set besides the parts of a run."""
 
-_CAMERA = ("sigma_range", "sigma_relative", "sigma_bearing", "range_max")
-"""What a camera that sees landmarks and robots alike does with both."""
+_CAMERA = {
+    **{name: name for name in ("sigma_range", "sigma_relative", "sigma_bearing", "range_max")},
+    "p_false": "p_outlier",
+}
+"""What a camera does with robots that it sees, and by which parameter of sightings that is told."""
 
 
 @dataclass(frozen=True)
@@ -186,15 +189,22 @@ def made(
     usual: Mapping[str, Value] | None = None,
 ) -> Any:
     """A part of that kind by its settings. usual: what is other than its defaults."""
-    with named(part):
-        return kind(**{**(usual or {}), **typed(part, kind, settings.get(part, {}))})
+    own = typed(part, kind, settings.get(part, {}))
+    try:
+        with named(part):
+            return kind(**{**(usual or {}), **own})
+    except ParameterError as error:
+        name = error.fault.split()[0]
+        if name in own:
+            raise
+        raise ConfigError(f"sightings.{_CAMERA[name]}: by it {error}; set that, too") from None
 
 
 def usual_detection(run: RunConfig) -> dict[str, Value]:
     """How well robots see each other with the camera that sees landmarks."""
     camera = run.settings["sightings"]
-    usual = {name: camera[name] for name in _CAMERA}
-    return {**usual, "p_false": 1.0 - (1.0 - float(camera["p_outlier"])) ** 2}
+    usual = {name: camera[of] for name, of in _CAMERA.items()}
+    return {**usual, "p_false": 1.0 - (1.0 - float(usual["p_false"])) ** 2}
 
 
 def told_start_of(log: Mrclam, truth: Trajectory | None) -> Pose:
