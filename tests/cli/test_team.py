@@ -221,7 +221,10 @@ WRONG = {
         ["--set", "sightings.p_outlier=1"],
         "sightings.p_outlier: by it detection.p_false = 1.0 must be > 0 and <= 0.99; set that, too",
     ),
-    "no part": (["--set", "detections.p_false=0.1"], "unknown part 'detections'"),
+    "no part": (
+        ["--set", "detections.p_false=0.1"],
+        "unknown part 'detections'; did you mean 'detection'? known: camera, detection, ",
+    ),
     "no threads": (["--threads", "0"], "threads must be >= 1, got 0"),
     "no seed": (["--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, got -1"),
     "too large a seed": (["--seed", str(2**64)], f"from 0 to 2^64 - 1, got {2**64}"),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mcloc.config import RunConfig
+from mcloc.config.run_config import PARTS
 from mcloc.config.typed import typed
 from mcloc.draws import check_seed
 from mcloc.errors import ConfigError, LogError
@@ -21,7 +22,7 @@ from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Estimate, Localizer
 from mcloc.maps.landmarks import Landmarks, open_floor
 from mcloc.maps.teammates import Teammates
-from mcloc.registry import Configurable, ParameterError, Value, named
+from mcloc.registry import Configurable, ParameterError, Value, named, suggest
 from mcloc.report.history import History
 from mcloc.report.summary import accuracy_against, known
 from mcloc.team.detection import DetectionModel
@@ -65,6 +66,10 @@ class TeamConfig:
     def __post_init__(self) -> None:
         if self.seed is not None:
             check_seed(self.seed)
+        known = {*PARTS, *OF_TEAM}
+        for part in self.settings:
+            if part not in known:
+                raise ConfigError(f"unknown part {part!r}; {suggest(part, known)}")
 
     def of_robot(self, robot: int, seed: int) -> RunConfig:
         """How one of them is localized."""
