@@ -10,8 +10,9 @@ import pytest
 
 from mcloc.geometry import wrap
 from mcloc.io.tum import read_trajectory
-from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.report.team import TeamConfig
 from mcloc.report.team_picture import draw_team
+from mcloc.report.team_run import TeamRun
 from mcloc.team.team import Team
 
 Mcloc = Callable[..., Any]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from mcloc.io.tum import write_tum
 from mcloc.report.summary import to_json
-from mcloc.report.team import TeamRun
 from mcloc.report.team_picture import draw_team
+from mcloc.report.team_run import TeamRun
 from mcloc.storage import replacing
 
 
