@@ -230,7 +230,7 @@ WRONG = {
     "no seed": (["--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, got -1"),
     "too large a seed": (["--seed", str(2**64)], f"from 0 to 2^64 - 1, got {2**64}"),
     "nobody knows": (["--landmarks-for", "none"], "no robot ever had a place"),
-    "kalman anywhere": (["--filter", "kalman"], "say where it starts"),
+    "kalman anywhere": (["--filter", "kalman"], "say where it starts (--initial, of a team --told"),
 }
 
 
