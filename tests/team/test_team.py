@@ -307,6 +307,10 @@ def test_a_robot_without_a_place_follows_nothing():
         (Detection(0.5, "a", 2.0, 0.1), "detection of the robot itself"),
         (Detection(0.5, "b", math.nan, 0.1), "detection without a range that can be"),
         (Detection(0.5, "b", 99.0, 0.1), "detection without a range that can be"),
+        (
+            Detection(0.5, "b", 2.0, 0.1, mount=[math.nan] * 3),
+            "detection with a mount that cannot be",
+        ),
         (Detection(9.0, "b", 2.0, 0.1), "detection without odometry"),
     ],
 )

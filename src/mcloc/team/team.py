@@ -152,7 +152,8 @@ class Team:
             return "detection of a robot that is not in the team"
         if z.seen == seer:
             return "detection of the robot itself"
-        return "" if self.model.usable(z) else "detection without a range that can be"
+        fault = self.model.fault(z)
+        return f"detection {fault}" if fault else ""
 
     def _detected(self, seer: str, z: Detection) -> list[tuple[str, Estimate]]:
         """Each of the two is told where it is, by what the other one believed before."""
