@@ -104,8 +104,7 @@ class Team:
                 return found
             found += self._follow(robot, event.t)
             if self.model.p_detect > 0.0 and not self._queue:
-                for name, message, at in self._unseen.told(robot, event.t - PATIENCE):
-                    found += self._estimates(name, [self.robots[name].take(message, at)])
+                found += self._not_seen(robot, event.t - PATIENCE)
             return found
         if isinstance(event, Detection):
             reason = self._unusable(robot, event)
@@ -183,6 +182,18 @@ class Team:
             self.told.append(Told(z.t, name, tree_of(told)))
         self._last[frozenset(both)] = Used(z.t, known)
         self.used += 1
+        return found
+
+    def _not_seen(self, seer: str, since: float) -> list[tuple[str, Estimate]]:
+        """Those that a robot has not seen for a window of time are told so, by what both believed
+        at one moment from `since` on.
+        """
+        found: list[tuple[str, Estimate]] = []
+        for name, t in self._unseen.due(seer, since):
+            for one in (seer, name):
+                found += self._estimates(one, self.robots[one].catch_up(t))
+            message, at = self._unseen.told(seer, name, t)
+            found += self._estimates(name, [self.robots[name].take(message, at)])
         return found
 
     def _moved(self, at: Mapping[str, Pose]) -> float:
