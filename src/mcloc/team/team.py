@@ -15,6 +15,7 @@ from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.leap_guard import LEAP
 from mcloc.maps.teammates import Teammates
 from mcloc.sensors.messages import tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
@@ -99,6 +100,8 @@ class Team:
         self.told = []
         if isinstance(event, Odometry):
             found = self._estimates(robot, self.robots[robot].process(event))
+            if event.t <= self.robots[robot].wheels_until:  # else they leap, and may be wrong
+                self._refuse_leaps()
             found += self._release()
             if not np.isfinite(event.t):
                 return found
@@ -138,10 +141,23 @@ class Team:
                 found += self._estimates(robot, self.robots[robot].process(event))
         return found
 
+    def _refuse_leaps(self) -> None:
+        """Leave out detections that wait and whose stamps leap ahead of all wheels."""
+        newest = self._wheels_until
+        for one in [one for one in self._queue if one.t > newest + LEAP]:
+            if isinstance(one.event, Detection):
+                self._queue.remove(one)
+                self.ignored["detection stamp from the future"] += 1
+
     def _ready(self, seer: str, z: Detection) -> bool:
         if all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen)):
             return True
-        return max(one.wheels_until for one in self.robots.values()) - z.t > PATIENCE
+        return self._wheels_until - z.t > PATIENCE
+
+    @property
+    def _wheels_until(self) -> float:
+        """Seconds: the newest stamp of the wheels of any robot."""
+        return max(one.wheels_until for one in self.robots.values())
 
     def _unusable(self, seer: str, z: Detection) -> str:
         """Why a detection can be of no use, or nothing."""
