@@ -27,7 +27,8 @@ from mcloc.kernels.jit import set_threads
 from mcloc.localizer import Localizer, UpdatePolicy
 from mcloc.maps.occupancy import FREE, OccupancyGrid
 from mcloc.maps.teammates import Teammates
-from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.report.team import TeamConfig
+from mcloc.report.team_run import TeamRun
 from mcloc.simulation import Scenario, Spotter, office_world, simulate_team
 from mcloc.team.policy import TeamPolicy
 from mcloc.team.team import Team

@@ -27,6 +27,12 @@ class Stream(IntEnum):
     PROPOSAL = 5
 
 
+def check_seed(seed: int) -> None:
+    """Raises ConfigError unless it is one."""
+    if not 0 <= seed < 2**64:
+        raise ConfigError(f"seed must be a whole number from 0 to 2^64 - 1, got {seed}")
+
+
 @dataclass(frozen=True, slots=True)
 class Draws:
     """The random numbers of one step of one part of a filter. seed: 0 … 2⁶⁴ − 1."""
@@ -36,8 +42,7 @@ class Draws:
     part: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed < 2**64:
-            raise ConfigError(f"seed must be a whole number from 0 to 2^64 - 1, got {self.seed}")
+        check_seed(self.seed)
 
     def of_part(self, part: int) -> "Draws":
         """The numbers of another part of the same step."""

@@ -1,6 +1,7 @@
 """`mcloc team run`: robots of a folder that see each other, and what is refused."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ import pytest
 
 from mcloc.geometry import wrap
 from mcloc.io.tum import read_trajectory
-from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.report.team import TeamConfig
 from mcloc.report.team_picture import draw_team
+from mcloc.report.team_run import TeamRun
 from mcloc.team.team import Team
 
 Mcloc = Callable[..., Any]
@@ -21,6 +23,7 @@ CODES = {1: 5, 2: 14, 3: 41, 6: 63, 7: 81, 8: 7, 9: 70, 10: 45}
 SPEED, TURN, LENGTH = 0.3, 0.2, 40.0  # m/s, rad/s, s: around circles of 1.5 m
 MIDDLE = {1: (-1.0, 0.0), 2: (1.0, 0.5), 3: (0.0, -1.0)}
 START = 1_000_000.0  # s
+QUICK = "--filter", "mcl", "--size", "fixed", "--set", "size.particles=300"
 
 WITHOUT_NUMBERS = {
     "position_median_m",
@@ -156,6 +159,34 @@ def test_an_interrupted_run_leaves_the_results_so_far(
     assert START < path.t[-1] < START + LENGTH / 2.0
 
 
+def test_results_of_an_earlier_run_do_not_stay(folder: Path, mcloc: Mcloc, tmp_path: Path) -> None:
+    fewer, out = tmp_path / "fewer", tmp_path / "out"
+    shutil.copytree(folder, fewer, ignore=shutil.ignore_patterns("Robot3_*"))
+    out.mkdir()
+    for name in ("robot10.tum", "robots.csv", "robot3.csv.old"):
+        (out / name).write_text("before")
+    options = "--seed", 1, *QUICK, "--out", out
+    for data, robots, more in ((folder, "123", ["team.png"]), (fewer, "12", [])):
+        plot = [] if more else ["--no-plot"]
+        assert mcloc("team", "run", "--data", data, *options, *plot).code == 0
+        files = {f"robot{n}.{kind}" for n in robots for kind in ("csv", "tum")}
+        kept = {"robots.csv", "robot3.csv.old", "summary.json"}
+        assert {path.name for path in out.iterdir()} == files | kept | set(more)
+
+
+def test_the_seed_that_was_taken_repeats_a_run(folder: Path, mcloc: Mcloc, tmp_path: Path) -> None:
+    """To the byte, at any number of threads."""
+    first, again, other = (tmp_path / name for name in ("first", "again", "other"))
+    run = "team", "run", "--data", folder, *QUICK, "--json", "--out"
+    seed = json.loads(mcloc(*run, first).stdout)["seed"]
+    mcloc(*run, again, "--seed", seed, "--threads", 1)
+    mcloc(*run, other, "--seed", seed + 1)
+    names = sorted(path.name for path in first.iterdir())
+    assert len(names) == 8
+    assert [(again / n).read_bytes() for n in names] == [(first / n).read_bytes() for n in names]
+    assert (other / "robot1.csv").read_bytes() != (first / "robot1.csv").read_bytes()
+
+
 def test_a_seed_tells_the_same(folder: Path, told: Path, mcloc: Mcloc, tmp_path: Path) -> None:
     for seed, same in (("3", True), ("4", False)):
         options = "--landmarks-for", "1", "--seed", seed, "--json", "--out", tmp_path
@@ -217,9 +248,19 @@ WRONG = {
     "no filter": (["--filter", "mlc"], "did you mean 'mcl'"),
     "no parameter": (["--set", "detection.sigma=1"], "detection has no parameter 'sigma'"),
     "no value": (["--set", "detection.p_false=2"], "detection.p_false = 2.0 must be"),
-    "no part": (["--set", "detections.p_false=0.1"], "unknown part 'detections'"),
+    "a camera that sees nothing": (
+        ["--set", "sightings.p_outlier=1"],
+        "sightings.p_outlier: by it detection.p_false = 1.0 must be > 0 and <= 0.99; set that, too",
+    ),
+    "no part": (
+        ["--set", "detections.p_false=0.1"],
+        "unknown part 'detections'; did you mean 'detection'? known: camera, detection, ",
+    ),
+    "no threads": (["--threads", "0"], "threads must be >= 1, got 0"),
+    "no seed": (["--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, got -1"),
+    "too large a seed": (["--seed", str(2**64)], f"from 0 to 2^64 - 1, got {2**64}"),
     "nobody knows": (["--landmarks-for", "none"], "no robot ever had a place"),
-    "kalman anywhere": (["--filter", "kalman"], "say where it starts"),
+    "kalman anywhere": (["--filter", "kalman"], "say where it starts (--initial, of a team --told"),
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mcloc.draws import Draws
-from mcloc.events import Detection, Odometry
+from mcloc.events import Detection, Odometry, Scan
 from mcloc.filters.catalog import Composition
 from mcloc.geometry import compose
 from mcloc.localizer import Localizer, UpdatePolicy
@@ -125,6 +125,22 @@ def test_a_robot_that_is_not_seen_is_elsewhere():
     assert 0.3 < before < 0.9
     left = 0.1 * before / (1.0 - 0.9 * before)
     assert near_a(loud) == pytest.approx(left, abs=0.04)
+
+
+@pytest.mark.parametrize("who", ["a", "b", "ab"])
+def test_a_robot_is_told_so_however_fast_its_sensors_are(who):
+    """One beam, 5 times a second: filters are past what is a second ago, and do not go back."""
+    quiet, loud = team(0.0), team(0.9)
+    for t in np.arange(0.0, 8.0, 0.2):
+        for one in (quiet, loud):
+            for name in "ab":
+                one.process(name, Odometry(float(t), np.zeros(3)))
+            for name in who:
+                one.process(name, Scan(float(t), np.array([3.0]), np.zeros(1), 4.0))
+    before = near_a(quiet)
+    assert 0.3 < before < 0.9
+    assert near_a(loud) == pytest.approx(0.1 * before / (1.0 - 0.9 * before), abs=0.04)
+    assert not any(one.ignored for one in loud.robots.values())
 
 
 def test_a_robot_that_is_seen_is_not_told_to_be_elsewhere():

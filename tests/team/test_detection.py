@@ -208,21 +208,54 @@ def test_the_axes_are_those_that_something_is_known_of():
     assert spaces["no bearing"][1].space is SE2
 
 
+RANGE, FROM = "without a range that can be", "with a mount that cannot be"
+
+
 @pytest.mark.parametrize(
-    ("z", "usable"),
+    ("z", "fault"),
     [
-        (Detection(0.0, "b", 2.0, 0.1), True),
-        (Detection(0.0, "b", 2.0, math.nan), True),
-        (Detection(0.0, "b", 8.1, 0.1), False),
-        (Detection(0.0, "b", 0.0, 0.1), False),
-        (Detection(0.0, "b", -1.0, 0.1), False),
-        (Detection(0.0, "b", math.nan, 0.1), False),
-        (Detection(0.0, "b", 2.0, math.inf), False),
-        (Detection(0.0, "b", 2.0, 0.1, -math.inf), False),
+        (Detection(0.0, "b", 2.0, 0.1), ""),
+        (Detection(0.0, "b", 2.0, math.nan), ""),
+        (Detection(0.0, "b", 8.1, 0.1), RANGE),
+        (Detection(0.0, "b", 0.0, 0.1), RANGE),
+        (Detection(0.0, "b", -1.0, 0.1), RANGE),
+        (Detection(0.0, "b", math.nan, 0.1), RANGE),
+        (Detection(0.0, "b", 2.0, math.inf), RANGE),
+        (Detection(0.0, "b", 2.0, 0.1, -math.inf), RANGE),
+        (Detection(0.0, "b", 2.0, 0.1, mount=[0.1, math.nan, 0.0]), FROM),
+        (Detection(0.0, "b", 2.0, 0.1, mount=[0.1, 0.0, math.inf]), FROM),
+        (Detection(0.0, "b", 2.0, 0.1, mount=[1e300, 0.0, 0.0]), FROM),
     ],
 )
-def test_a_detection_is_usable_where_it_has_a_range(z, usable):
-    assert MODEL.usable(z) is usable
+def test_a_detection_is_usable_where_it_has_a_range_and_is_from_somewhere(z, fault):
+    assert MODEL.fault(z) == fault
+
+
+@pytest.mark.parametrize(
+    ("wrong", "what"),
+    [
+        ({"seen": 2}, "by its name, got 2"),
+        ({"t": "1.0"}, "t of a detection must be a number, got '1.0'"),
+        ({"range": "near"}, "range of a detection must be a number, got 'near'"),
+        ({"range": [2.0]}, "range"),
+        ({"bearing": None}, "bearing"),
+        ({"heading": 1j}, "heading"),
+        ({"mount": [0.0, 0.0]}, "mount of a detection must be three numbers"),
+        ({"mount": [[0.0], [0.0, 1.0]]}, "mount"),
+        ({"mount": "abc"}, "mount"),
+    ],
+)
+def test_a_detection_of_wrong_types_is_refused(wrong, what):
+    right = {"t": 0.0, "seen": "b", "range": 2.0, "bearing": 0.1}
+    with pytest.raises(ConfigError, match=what):
+        Detection(**{**right, **wrong})
+
+
+def test_numbers_of_a_detection_may_be_of_any_kind():
+    z = Detection(np.float32(0.5), "b", np.array(2), 1, mount=[1, 0, 0])
+    assert (z.t, z.range, z.bearing) == (0.5, 2.0, 1.0)
+    assert z.mount.dtype == np.float64
+    assert to_seen(belief(), z, MODEL, Draws(1)).space is PLANE
 
 
 def test_a_wrong_deviation_is_refused():

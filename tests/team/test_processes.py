@@ -16,7 +16,8 @@ import pytest
 from tests.team.folders import pose, write_folder
 from tests.team.robot_process import SETTINGS, endpoint_file
 
-from mcloc.report.team import TeamConfig, TeamRun
+from mcloc.report.team import TeamConfig
+from mcloc.report.team_run import TeamRun
 from mcloc.team.letters import Heartbeat, Sent
 from mcloc.team.peers import Peers
 from mcloc.team.wire import encoded

@@ -307,6 +307,10 @@ def test_a_robot_without_a_place_follows_nothing():
         (Detection(0.5, "a", 2.0, 0.1), "detection of the robot itself"),
         (Detection(0.5, "b", math.nan, 0.1), "detection without a range that can be"),
         (Detection(0.5, "b", 99.0, 0.1), "detection without a range that can be"),
+        (
+            Detection(0.5, "b", 2.0, 0.1, mount=[math.nan] * 3),
+            "detection with a mount that cannot be",
+        ),
         (Detection(9.0, "b", 2.0, 0.1), "detection without odometry"),
     ],
 )
@@ -380,6 +384,35 @@ def test_wrong_stamps_of_wheels_do_no_harm():
     assert not team.ignored
     still(team, [1.0])
     assert team.used == 1
+
+
+def test_a_detection_from_the_future_stops_nothing():
+    """Robots follow their wheels, and are told of others that are seen."""
+
+    def steps(*wrong):
+        both = team()
+        still(both, [0.0])
+        for z in wrong:
+            both.process("a", z)
+        found = 0
+        for t in np.arange(0.2, 20.0, 0.2):
+            found += sum(len(drive(both, name, [t], (0.3 * t, 0.0, 0.0))) for name in "ab")
+        both.process("a", Detection(19.5, "b", 2.0, 0.2))
+        assert both.used == 1
+        assert sum(both.ignored.values()) == len(wrong)
+        return found
+
+    assert steps(Detection(1e9, "b", 2.0, 0.2), Detection(100.0, "b", 2.0, 0.2)) == steps() >= 20
+
+
+def test_a_detection_right_after_a_pause_is_used():
+    """The wheels leap as it does."""
+    both = team()
+    still(both, [0.0, 0.2])
+    both.process("a", Detection(60.0, "b", 2.0, 0.2))
+    still(both, [60.1, 60.2, 60.3])
+    assert both.used == 1
+    assert not both.ignored
 
 
 def test_a_clock_that_is_set_back_begins_anew():

@@ -10,7 +10,7 @@ from mcloc.cli.values import robots, settings
 from mcloc.errors import ConfigError, LogError
 
 if TYPE_CHECKING:
-    from mcloc.report.team import TeamRun
+    from mcloc.report.team_run import TeamRun
 
 _Option = typer.Option
 WAITING = "-"  # in place of a number that is not known
@@ -124,8 +124,9 @@ def run_team(
     from mcloc.cli.progress import shown
     from mcloc.report import check_folder
     from mcloc.report.summary import to_json
-    from mcloc.report.team import TeamConfig, TeamRun
+    from mcloc.report.team import TeamConfig
     from mcloc.report.team_files import write_team
+    from mcloc.report.team_run import TeamRun
 
     parts = {"filter": filter, "motion": motion, "size": size, "recovery": recovery}
     config = TeamConfig(

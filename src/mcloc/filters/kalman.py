@@ -74,7 +74,8 @@ class KalmanFilter:
         if not isinstance(initial, Gaussian):
             raise ConfigError(
                 "a Kalman filter follows one Gaussian and cannot search for the robot: say where "
-                "it starts (--initial), or take another filter (--filter mixture)"
+                "it starts (--initial, of a team --told-start), or take another filter (--filter "
+                "mixture)"
             )
         return GaussianBelief(initial.mean, initial.covariance)
 

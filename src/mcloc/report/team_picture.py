@@ -8,7 +8,7 @@ import numpy as np
 from mcloc.errors import TruthError
 from mcloc.evaluation.errors import PoseErrors, pose_errors
 from mcloc.report.picture import LOST, SEEN, broken_at_jumps, logarithmic, zoom
-from mcloc.report.team import Member, TeamRun
+from mcloc.report.team_run import Member, TeamRun
 from mcloc.trajectory import Trajectory
 
 if TYPE_CHECKING:

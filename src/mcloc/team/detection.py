@@ -17,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mcloc.density import FAR
 from mcloc.density_tree import DensityTree
 from mcloc.draws import Draws, Stream
 from mcloc.events import Detection, Message
@@ -101,11 +102,13 @@ class DetectionModel(Configurable):
         area = float(_ring(self, z.range).cumulative[-1])  # ∫ d N(r; d, σ_d²) dd
         return 1.0 / (2.0 * math.pi * self.range_max * area) / _headings(space)
 
-    def usable(self, z: Detection) -> bool:
-        """Whether there is a range that the sensor can measure."""
-        return 0.0 < z.range <= self.range_max and not (
-            math.isinf(z.bearing) or math.isinf(z.heading)
-        )
+    def fault(self, z: Detection) -> str:
+        """Why what was measured can be of no use, or nothing."""
+        if not (np.abs(z.mount) < FAR).all():
+            return "with a mount that cannot be"
+        endless = math.isinf(z.bearing) or math.isinf(z.heading)
+        within = 0.0 < z.range <= self.range_max and not endless
+        return "" if within else "without a range that can be"
 
 
 def to_seen(seer: Particles, z: Detection, model: DetectionModel, draws: Draws) -> DensityTree:

@@ -175,7 +175,7 @@ class Member:
             return "stamp not finite"
         if z.seen == self.post.name:
             return "of the robot itself"
-        return "" if self.model.usable(z) else "without a range that can be"
+        return self.model.fault(z)
 
     def _unheard(self, peer: Peer | None) -> str:
         """Why a robot cannot be told of it, or nothing."""

@@ -15,6 +15,7 @@ from mcloc.errors import ConfigError
 from mcloc.events import Detection, Event, Measurement, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
+from mcloc.localizer.leap_guard import LEAP
 from mcloc.maps.teammates import Teammates
 from mcloc.sensors.messages import tree_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
@@ -99,13 +100,14 @@ class Team:
         self.told = []
         if isinstance(event, Odometry):
             found = self._estimates(robot, self.robots[robot].process(event))
+            if event.t <= self.robots[robot].wheels_until:  # else they leap, and may be wrong
+                self._refuse_leaps()
             found += self._release()
             if not np.isfinite(event.t):
                 return found
             found += self._follow(robot, event.t)
             if self.model.p_detect > 0.0 and not self._queue:
-                for name, message, at in self._unseen.told(robot, event.t - PATIENCE):
-                    found += self._estimates(name, [self.robots[name].take(message, at)])
+                found += self._not_seen(robot, event.t - PATIENCE)
             return found
         if isinstance(event, Detection):
             reason = self._unusable(robot, event)
@@ -139,10 +141,23 @@ class Team:
                 found += self._estimates(robot, self.robots[robot].process(event))
         return found
 
+    def _refuse_leaps(self) -> None:
+        """Leave out detections that wait and whose stamps leap ahead of all wheels."""
+        newest = self._wheels_until
+        for one in [one for one in self._queue if one.t > newest + LEAP]:
+            if isinstance(one.event, Detection):
+                self._queue.remove(one)
+                self.ignored["detection stamp from the future"] += 1
+
     def _ready(self, seer: str, z: Detection) -> bool:
         if all(self.robots[name].wheels_reach(z.t) for name in (seer, z.seen)):
             return True
-        return max(one.wheels_until for one in self.robots.values()) - z.t > PATIENCE
+        return self._wheels_until - z.t > PATIENCE
+
+    @property
+    def _wheels_until(self) -> float:
+        """Seconds: the newest stamp of the wheels of any robot."""
+        return max(one.wheels_until for one in self.robots.values())
 
     def _unusable(self, seer: str, z: Detection) -> str:
         """Why a detection can be of no use, or nothing."""
@@ -152,7 +167,8 @@ class Team:
             return "detection of a robot that is not in the team"
         if z.seen == seer:
             return "detection of the robot itself"
-        return "" if self.model.usable(z) else "detection without a range that can be"
+        fault = self.model.fault(z)
+        return f"detection {fault}" if fault else ""
 
     def _detected(self, seer: str, z: Detection) -> list[tuple[str, Estimate]]:
         """Each of the two is told where it is, by what the other one believed before."""
@@ -182,6 +198,18 @@ class Team:
             self.told.append(Told(z.t, name, tree_of(told)))
         self._last[frozenset(both)] = Used(z.t, known)
         self.used += 1
+        return found
+
+    def _not_seen(self, seer: str, since: float) -> list[tuple[str, Estimate]]:
+        """Those that a robot has not seen for a window of time are told so, by what both believed
+        at one moment from `since` on.
+        """
+        found: list[tuple[str, Estimate]] = []
+        for name, t in self._unseen.due(seer, since):
+            for one in (seer, name):
+                found += self._estimates(one, self.robots[one].catch_up(t))
+            message, at = self._unseen.told(seer, name, t)
+            found += self._estimates(name, [self.robots[name].take(message, at)])
         return found
 
     def _moved(self, at: Mapping[str, Pose]) -> float:

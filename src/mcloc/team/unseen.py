@@ -36,23 +36,35 @@ class Unseen:
         """A robot was seen."""
         self._sighted[seer, z.seen] = z.t
 
-    def told(self, seer: str, t: float) -> Iterator[tuple[str, Message, Pose]]:
-        """Whom a robot tells at t that it has not seen them for a window of time: what it tells
-        each, and the pose of that one's wheels. Only robots that have a place tell and are told.
+    def due(self, seer: str, since: float) -> Iterator[tuple[str, float]]:
+        """Whom a robot is to tell that it has not seen them for a window of time, and at which
+        moment it did not. Only robots that have a place tell and are told.
+
+        since: seconds; nothing older will come. Filters do not go back, and where one of the two is
+        past that, the moment is where it is: a detection from before comes too late for it anyway.
         """
-        i, began = self._robots[seer], self._began.setdefault(seer, t)
+        i, began = self._robots[seer], self._began.setdefault(seer, since)
         for name, j in self._robots.items():
             last = self._told.get((seer, name))
-            since = max(self._sighted.get((seer, name), began), last.t if last else began)
-            if name == seer or t - since < self._policy.window or not (i.placed and j.placed):
+            before = max(self._sighted.get((seer, name), began), last.t if last else began)
+            t = max(since, i.done, j.done)
+            if name == seer or t - before < self._policy.window or not (i.placed and j.placed):
                 continue
-            at = {who: self._robots[who].wheels_at(t) for who in (seer, name)}
-            known = {who: pose for who, pose in at.items() if pose is not None}
-            if len(known) < 2 or not t > max(i.done, j.done):
-                continue
-            moved = np.inf if last is None else farther(known, last.at)
-            self._told[seer, name] = Used(t, known)
-            view = self._views.setdefault(seer, View(i.grid))
-            seen_from = i.predicted(known[seer]), self._model, f"robot {seer}"
-            message = view.message(t, *seen_from, i.draws(UNSEEN))
-            yield name, replace(message, novelty=self._policy.novelty(moved)), known[name]
+            if len(self._wheels(seer, name, t)) == 2:
+                yield name, t
+
+    def told(self, seer: str, name: str, t: float) -> tuple[Message, Pose]:
+        """What it tells one of them about that moment, and the pose of that one's wheels."""
+        i, last, at = self._robots[seer], self._told.get((seer, name)), self._wheels(seer, name, t)
+        moved = np.inf if last is None else farther(at, last.at)
+        self._told[seer, name] = Used(t, at)
+        view = self._views.setdefault(seer, View(i.grid))
+        seen_from = i.predicted(at[seer]), self._model, f"robot {seer}"
+        message = view.message(t, *seen_from, i.draws(UNSEEN))
+        return replace(message, novelty=self._policy.novelty(moved)), at[name]
+
+    def _wheels(self, seer: str, name: str, t: float) -> dict[str, Pose]:
+        """Their poses at t, of those of the two robots whose wheels have come there."""
+        reached = [who for who in (seer, name) if self._robots[who].wheels_reach(t)]
+        at = {who: self._robots[who].wheels_at(t) for who in reached}
+        return {who: pose for who, pose in at.items() if pose is not None}
