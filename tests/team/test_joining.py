@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.team.folders import write_folder
 from tests.team.hub import Faults, Faulty, Hub
-from tests.team.robots import QUICK, alone, apart, errors, sound, together
+from tests.team.robots import QUICK, alone, apart, errors, events, sound, together
 
 from mcloc.events import Detection, Odometry
 from mcloc.team.letters import Heartbeat, Sent
@@ -233,6 +233,30 @@ def test_rubbish_between_messages_changes_nothing(folder, team):
 def stop_and_go(n, t0=1000.0):
     """Odometry of a robot that drives straight on, n seconds."""
     return [Odometry(t0 + 0.5 * k, np.array([0.1 * k, 0.0, 0.0])) for k in range(2 * n)]
+
+
+def spoilt(log):
+    """With one wrong stamp of the wheels."""
+    k = next(i for i, e in enumerate(log) if isinstance(e, Odometry) and i > 20)
+    return [*log[:k], Odometry(log[k].t + 1e6, log[k].pose), *log[k + 1 :]]
+
+
+def test_one_wrong_stamp_of_wheels_is_not_where_a_robot_is(folder):
+    one = alone(folder, 1, Hub().carrier("1"), log=spoilt(list(events(folder, 1))))
+    told = []
+    for _ in one.joining.run():
+        told.append(one.member.post.position)
+    assert 1000.0 < max(told) < 1100.0
+    assert told == sorted(told)
+
+
+def test_after_one_wrong_stamp_a_robot_still_follows_its_wheels(folder):
+    whole = [Odometry(1000.0 + 0.5 * k, np.array([0.1 * k, 0.0, 0.0])) for k in range(200)]
+    robots = [alone(folder, 2, Hub().carrier("2"), log=log) for log in (whole, spoilt(whole))]
+    for robot in robots:
+        robot.go(0)
+    assert abs(len(robots[0].estimates) - len(robots[1].estimates)) <= 1
+    assert len(robots[0].estimates) > 3
 
 
 def merged(*streams):

@@ -67,6 +67,15 @@ def test_the_first_detection_is_told_until_it_is_done_with():
     assert told == [1.0, 1.0, 3.0, 3.0]
 
 
+def test_the_stamp_of_the_next_event_is_that_of_the_one_after_it_where_it_cannot_be():
+    stamps = [0.0, 1.0, 1e6, math.nan, 2.0, 1.9, 1e6, 3.0, 500.0, 501.0]
+    ahead, told = LookAhead([odometry(t) for t in stamps]), []
+    while ahead.next is not None:
+        told.append(ahead.stamp)
+        ahead.pop()
+    assert told == [0.0, 1.0, 2.0, 2.0, 2.0, 1.9, 3.0, 3.0, 500.0, 501.0]
+
+
 @given(st.lists(st.tuples(st.booleans(), st.floats(allow_nan=True)), max_size=60))
 def test_whatever_the_stamps_all_events_come(spoilt):
     events = [(detection if seen else odometry)(t) for seen, t in spoilt]

@@ -62,13 +62,14 @@ class Joining:
             self._skip()
             while (event := self._ahead.next) is not None:
                 self._be(self._ahead.until)
-                self._hold(event.t)
+                t = self._ahead.stamp
+                self._hold(t)
                 if self._ahead.next is not event:
                     continue  # an answer took it out of turn
                 self._ahead.pop()
                 self.member.process(event)
-                if math.isfinite(event.t):
-                    self.post.position = max(self.post.position, event.t)
+                if math.isfinite(t):
+                    self.post.position = t
                 yield event
             self._be(math.inf)
             self._linger()
@@ -104,7 +105,7 @@ class Joining:
         know any more where it is.
         """
         wheels = []
-        while (event := self._ahead.next) is not None and event.t < self._joined_at:
+        while (event := self._ahead.next) is not None and self._ahead.stamp < self._joined_at:
             self._ahead.pop()
             self.skipped += 1
             if isinstance(event, Odometry):

@@ -73,7 +73,7 @@ class Member:
             return
         self._note(self.localizer.process(event))
         if isinstance(event, Odometry):
-            self._follow(event.t - PATIENCE)
+            self._follow(self.localizer.wheels_until - PATIENCE)
 
     def taken(self) -> tuple[list[Estimate], list[tuple[float, Pose]]]:
         """What was found and withheld since this was last asked."""
