@@ -80,6 +80,14 @@ def test_a_notice_and_a_reply_come_back_with_their_trees():
     same_tree(REPLY.tree, reply.tree)
 
 
+@pytest.mark.parametrize("turns", [-1, 1, 5])
+def test_angles_of_another_convention_come_back_wrapped(turns):
+    more = 2.0 * np.pi * turns
+    _, told = decoded(encoded(SENT, notice(bearing=-0.4 + more, heading=3.0 + more)))
+    assert told.z.bearing == pytest.approx(-0.4)
+    assert told.z.heading == pytest.approx(3.0)
+
+
 def test_a_tree_comes_back(tree):
     same_tree(tree, unpacked(packed(tree), tree.space))
     small = compressed(tree, 20)
@@ -143,6 +151,14 @@ def deep(data):
     data += bytes([0, wire_leaf] * (n - 1) + [wire_leaf]) + np.full(n, 1 / n, "<f4").tobytes()
 
 
+def with_bearing(bearing):
+    """As no robot sends it."""
+    data = bytearray(MESSAGES[3])
+    at = data.index(struct.pack("<d", Z.bearing))
+    struct.pack_into("<d", data, at, bearing)
+    return sealed(bytes(data))
+
+
 wire_leaf = 255
 
 WRONG = {
@@ -161,7 +177,7 @@ WRONG = {
     "stamp that cannot be": encoded(Sent("r1", 1, 1, float("nan")), Farewell()),
     "too many peers": sealed(MESSAGES[0][: FRAME + 50] + b"\xff" + MESSAGES[0][FRAME + 51 :]),
     "range that cannot be": encoded(SENT, notice(range=-1.0)),
-    "angle that cannot be": encoded(SENT, notice(bearing=4.0)),
+    "angle that cannot be": with_bearing(4.0),
     "tree of the wrong length": with_tree(cut),
     "tree of another space": with_tree(put(0, "<B", 3)),
     "tree of too many leaves, or none": with_tree(put(1, "<H", 65535)),

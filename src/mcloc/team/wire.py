@@ -82,7 +82,8 @@ def encoded(sent: Sent, said: Said) -> bytes:
             for h in heard:
                 body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
         case Notice(z, last, moved, tree):
-            measured = z.t, z.range, z.bearing, z.heading, *z.mount, last, moved
+            bearing, heading = (math.remainder(a, math.tau) for a in (z.bearing, z.heading))
+            measured = z.t, z.range, bearing, heading, *z.mount, last, moved
             body += _name(z.seen) + _SEEN.pack(*measured) + _packed(tree)
         case Reply():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
