@@ -171,6 +171,31 @@ def test_older_than_all_memory_is_left_out(two):
     assert two.inboxes["b"].dropped == {"older than can be told from a duplicate": 1}
 
 
+def test_one_forged_number_does_not_silence_a_robot(two):
+    forged = Sent("a", two.session("a"), 2**64 - 1, two.clock("a"))
+    for said in (Heartbeat(0.0, 0.0), notice()):
+        two.deliver(encoded(forged, said), "a", "b")
+    assert two.inboxes["b"].dropped == {"numbered far ahead of all others": 1}
+    two.t += POLICY.silence + 5.0
+    two.meet()
+    assert [peer.name for peer in two.inboxes["b"].live(two.t)] == ["a"]
+    from_a(two)
+    (came,) = two.flush()["b"]
+    assert came is not None
+
+
+def test_a_forged_number_of_a_first_heartbeat_does_not_hold_a_robot_where_it_is():
+    ether = Ether(a=0.0, b=0.0)
+    forged = Sent("a", ether.session("a"), 2**64 - 1, ether.clock("a"))
+    ether.deliver(encoded(forged, Heartbeat(0.0, 0.0)), "a", "b")
+    ether.meet()
+    ether.beat("a", until=9.0, position=8.0)
+    ether.flush()
+    peer = ether.inboxes["b"].peers["a"]
+    assert (peer.position, peer.until) == (8.0, 9.0)
+    assert ether.inboxes["b"].trusted(peer)
+
+
 def test_who_starts_anew_is_another_session(two):
     from_a(two)
     old = two.sent.pop()[0]

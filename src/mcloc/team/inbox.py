@@ -48,7 +48,7 @@ class Arrival:
 class Peer:
     """Another robot, as far as it is heard. heard: `now` when it last was. position, until: as of
     its last heartbeat; since: `now` when that last said that it went on. beat: that heartbeat's
-    number, its clock, and `now` when it came. echoed: s, what this robot's clock was when it sent
+    clock, and `now` when it came. echoed: s, what this robot's clock was when it sent
     the last heartbeat that the peer says to have heard. told: messages that it says to have sent to
     this robot alone. lost: those that did not come, of earlier sessions.
     """
@@ -59,7 +59,7 @@ class Peer:
     position: float = -math.inf
     until: float = math.nan
     since: float = -math.inf
-    beat: tuple[int, float, float] | None = None
+    beat: tuple[float, float] | None = None
     offset: ClockOffset = field(default_factory=ClockOffset)
     to_all: Numbering = field(default_factory=Numbering)
     to_one: Numbering = field(default_factory=Numbering)
@@ -122,7 +122,7 @@ class Inbox:
     def heard(self, now: float, told: Callable[[str, int], int]) -> tuple[Heard, ...]:
         """What the next heartbeat says of others. told: messages to a peer in a session of it."""
         return tuple(
-            Heard(p.name, p.session, p.beat[1], now - p.beat[2], told(p.name, p.session))
+            Heard(p.name, p.session, p.beat[0], now - p.beat[1], told(p.name, p.session))
             for p in self.live(now)
             if p.beat is not None
         )
@@ -189,9 +189,9 @@ class Inbox:
 
     def _beaten(self, peer: Peer, sent: Sent, said: Heartbeat, arrival: Arrival) -> None:
         """Note where it is. A heartbeat that was overtaken takes nothing back."""
-        if peer.beat is not None and sent.number < peer.beat[0]:
+        if sent.number < peer.to_all.highest:
             return
-        peer.beat = sent.number, sent.clock, arrival.now
+        peer.beat = sent.clock, arrival.now
         if not said.until <= peer.until:  # NaN is not
             peer.since = arrival.now
         peer.position, peer.until = said.position, said.until
