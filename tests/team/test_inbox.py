@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.team.conftest import place, ring
 
 from mcloc.events import Detection
+from mcloc.team import wire
 from mcloc.team.inbox import Arrival, Inbox
 from mcloc.team.letters import MOST_HEARD, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.numbering import REMEMBERED
@@ -127,6 +128,18 @@ def test_duplicates_are_left_out_and_counted(two):
         assert two.deliver(data, "a", "b") is None
     assert two.inboxes["b"].dropped == {"duplicate": 3}
     assert two.inboxes["b"].peers["a"].missing == 0
+
+
+def test_what_comes_twice_is_not_read_again(two, monkeypatch):
+    """A replay of letters must cost less than reading their trees does."""
+    from_a(two)
+    (data, *_) = two.sent[0]
+    two.flush()
+    monkeypatch.setattr(wire, "unpacked", lambda *_: pytest.fail("a tree was read"))
+    two.deliver(data, "a", "b")
+    for session, key in ((two.session("a") - 1, "a"), (two.session("a"), "c")):
+        two.deliver(encoded(Sent("a", session, 7, two.t), notice()), key, "b")
+    assert two.inboxes["b"].dropped.total() == 3
 
 
 def test_any_order_will_do(two):

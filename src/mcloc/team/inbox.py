@@ -24,7 +24,7 @@ from mcloc.team.letters import (
 )
 from mcloc.team.numbering import Numbering
 from mcloc.team.peer_policy import PeerPolicy
-from mcloc.team.wire import decoded
+from mcloc.team.wire import Envelope, opened
 
 Letter = tuple[Sent, Notice | Reply | Refusal]
 
@@ -101,8 +101,11 @@ class Inbox:
         and counted.
         """
         try:
-            sent, said = decoded(arrival.data)
-            return self._judged(sent, said, arrival)
+            envelope = opened(arrival.data)
+            if self._echoes(envelope.sent, arrival):
+                return None
+            self._check_envelope(envelope, arrival)
+            return self._judged(envelope.sent, envelope.said(), arrival)
         except MessageError as why:
             self.dropped[str(why)] += 1
             return None
@@ -127,24 +130,39 @@ class Inbox:
             if p.beat is not None
         )
 
-    def _judged(self, sent: Sent, said: Said, arrival: Arrival) -> Letter | None:
+    def _echoes(self, sent: Sent, arrival: Arrival) -> bool:
+        """Whether it is one of this robot's own."""
+        return sent.sender == arrival.sender == self.name and sent.session == self.session
+
+    def _check_envelope(self, envelope: Envelope, arrival: Arrival) -> None:
+        """Raise for what need not be read: a flood of it must cost little. Nothing is noted yet."""
+        sent, alone = envelope.sent, _alone(envelope.kind)
         if sent.sender != arrival.sender:
             raise MessageError("under the name of another robot")
         if sent.sender == self.name:
-            if sent.session == self.session:
-                return None  # an echo
             raise MessageError("of another robot of this name")
-        peer = self._peer(sent, arrival.now)
-        alone = not isinstance(said, Heartbeat | Farewell)
-        if alone and not peer.offset.known:  # it may come again: its number is not noted yet
+        peer = self.peers.get(sent.sender)
+        if peer is not None and sent.session != peer.session:
+            if sent.session < peer.session and arrival.now - peer.heard <= self.policy.silence:
+                raise MessageError("of an earlier session")
+            peer = None  # after a silence, one with a clock set back is a new one as well
+        if alone and (peer is None or not peer.offset.known):  # it may come again
             raise MessageError("of a clock not compared yet")
-        fault = (peer.to_one if alone else peer.to_all).fault(sent.number)
-        if fault:
+        if peer is None:
+            return
+        stale = _numbering(peer, alone).stale(sent.number)
+        if stale:
             if alone:
                 self.repeated.append((sent.sender, sent.session, sent.number))
-            raise MessageError(fault)
+            raise MessageError(stale)
         if peer.left:
             raise MessageError("after its farewell")
+
+    def _judged(self, sent: Sent, said: Said, arrival: Arrival) -> Letter | None:
+        peer = self._peer(sent, arrival.now)
+        fault = _numbering(peer, _alone(type(said))).fault(sent.number)
+        if fault:
+            raise MessageError(fault)
         peer.heard = arrival.now
         self._compare(peer, sent, said, arrival)
         match said:
@@ -163,9 +181,7 @@ class Inbox:
         if peer is None:
             self._make_room(now)
             peer = self.peers[sent.sender] = Peer(sent.sender, sent.session, now, since=now)
-        elif sent.session < peer.session and now - peer.heard <= self.policy.silence:
-            raise MessageError("of an earlier session")
-        elif sent.session != peer.session:  # after a silence, one with a clock set back as well
+        elif sent.session != peer.session:
             peer.begin(sent.session, now)
         return peer
 
@@ -205,3 +221,12 @@ class Inbox:
             raise MessageError("for another robot")
         if isinstance(said, Reply | Refusal) and said.session != self.session:
             raise MessageError("about an earlier session")
+
+
+def _alone(kind: type[Said]) -> bool:
+    """Whether what is of this kind is told to one robot alone."""
+    return kind not in (Heartbeat, Farewell)
+
+
+def _numbering(peer: Peer, alone: bool) -> Numbering:
+    return peer.to_one if alone else peer.to_all
