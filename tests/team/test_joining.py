@@ -14,7 +14,10 @@ from tests.team.hub import Faults, Faulty, Hub
 from tests.team.robots import QUICK, alone, apart, errors, events, sound, together
 
 from mcloc.events import Detection, Odometry
+from mcloc.team.inbox import Arrival
+from mcloc.team.joining import Joining
 from mcloc.team.letters import Heartbeat, Sent
+from mcloc.team.look_ahead import LookAhead
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.wire import decoded, encoded
 
@@ -345,6 +348,20 @@ def acquainted():
 
     yield start
     end.set()
+
+
+def test_another_robot_of_the_same_name_is_spoken_of_once(folder):
+    hub, said = Hub(), []
+    one = alone(folder, 1, hub.carrier("1"), log=stop_and_go(10))
+    joining = Joining(one.member, LookAhead(stop_and_go(10)), said.append)
+    namesake = Sent("1", one.member.post.inbox.session + 1, 0, time.time())
+    for _ in range(3):
+        arrival = Arrival(encoded(namesake, Heartbeat(0.0, 0.0)), "1", time.time(), 0.0)
+        hub.robots["1"].waiting.append(arrival)
+    list(joining.run())
+    assert one.dropped == {"of another robot of this name": 3}
+    (remark,) = said
+    assert "another robot is called 1, too" in remark
 
 
 REFUSED = {

@@ -28,6 +28,8 @@ from mcloc.team.wire import Envelope, opened
 
 Letter = tuple[Sent, Notice | Reply | Refusal]
 
+NAMESAKE = "of another robot of this name"
+
 MOST_AHEAD = 1024
 """Messages of a peer that are missed at once, at most: it may say that it sent any number."""
 
@@ -140,7 +142,7 @@ class Inbox:
         if sent.sender != arrival.sender:
             raise MessageError("under the name of another robot")
         if sent.sender == self.name:
-            raise MessageError("of another robot of this name")
+            raise MessageError(NAMESAKE)
         peer = self.peers.get(sent.sender)
         if peer is not None and sent.session != peer.session:
             if sent.session < peer.session and arrival.now - peer.heard <= self.policy.silence:

@@ -9,7 +9,7 @@ Eng. 1979]. Who is gone, or does not go on, is not waited for.
 import math
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from mcloc.events import Detection, Event, Odometry
@@ -18,6 +18,7 @@ from mcloc.team.inbox import Peer
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
 from mcloc.team.post import WAIT, Post
+from mcloc.team.remarks import Remarks, silent
 
 
 @contextmanager
@@ -42,12 +43,15 @@ def pulse(post: Post) -> Iterator[None]:
 
 class Joining:
     """A member that replays a log. skipped: events before the time at which it joined.
-    not_awaited: how often a robot
-    that did not go on was no longer waited for, by name.
+    not_awaited: how often a robot that did not go on was no longer waited for, by name. say: is
+    told in words, once each, what somebody should know.
     """
 
-    def __init__(self, member: Member, ahead: LookAhead) -> None:
+    def __init__(
+        self, member: Member, ahead: LookAhead, say: Callable[[str], None] = silent
+    ) -> None:
         self.member, self.post, self._ahead = member, member.post, ahead
+        self._remarks = Remarks(member.post, say)
         self.skipped = 0
         self.not_awaited: Counter[str] = Counter()
         self._given_up: dict[str, float] = {}
@@ -76,6 +80,11 @@ class Joining:
             self.member.finish()
             yield None
 
+    def _serve(self, wait: float = 0.0) -> None:
+        """Take in what has come, and say what is odd about it."""
+        self.post.serve(wait)
+        self._remarks.look()
+
     def _be(self, until: float) -> None:
         """Let the others know at once how far they can go."""
         if until != self.post.until:
@@ -86,7 +95,7 @@ class Joining:
         """Until so many others are there."""
         end = self.post.now() + self.post.policy.patience
         while len(self.post.live()) < peers and self.post.now() < end:
-            self.post.serve(wait=WAIT)
+            self._serve(wait=WAIT)
 
     def _join(self) -> None:
         """Find out where the others are in the time of their logs: they hold as long as `until` is
@@ -95,7 +104,7 @@ class Joining:
         asked, end = self.post.clock(), self.post.now() + self.post.policy.patience
         self._be(-math.inf)
         while self.post.now() < end:
-            self.post.serve(wait=WAIT)
+            self._serve(wait=WAIT)
             if all(peer.echoed >= asked for peer in self._others()):
                 break
         self._joined_at = max((peer.position for peer in self._others()), default=-math.inf)
@@ -117,11 +126,11 @@ class Joining:
     def _hold(self, t: float) -> None:
         """Until nobody may tell of a sighting before t any more; what is due is answered."""
         while True:
-            self.post.serve()
+            self._serve()
             self.member.answer_due(t)
             if not any(self._holds(peer, t) for peer in self.post.live()):
                 return
-            self.post.serve(wait=WAIT)
+            self._serve(wait=WAIT)
 
     def _holds(self, peer: Peer, t: float) -> bool:
         """Whether it is to be waited for."""
@@ -145,6 +154,6 @@ class Joining:
         """Answer others that have not come as far as this log's end."""
         last = self.post.position
         while any(self._holds(peer, math.nextafter(last, math.inf)) for peer in self.post.live()):
-            self.post.serve(wait=WAIT)
+            self._serve(wait=WAIT)
             self.member.answer_due(math.inf)
         self.member.answer_due(math.inf)
