@@ -53,6 +53,15 @@ def test_a_log_with_a_map_and_a_file_of_detections(mcloc: Mcloc, drive, start, t
     assert summary["accuracy"]["position_median_m"] < 0.3
 
 
+def test_a_robot_says_that_it_begins_without_others(mcloc: Mcloc, folder, tmp_path) -> None:
+    done = mcloc(
+        *("team", "join", "--data", folder, "--robot", 1, "--told-start", *QUICK),
+        *("--peers", 2, "--set", "peers.patience=0.2", "--seed", 1, "--out", tmp_path),
+    )
+    assert done.code == 0, done.stderr
+    assert "1 begins with 0 of the 2 others" in done.stderr
+
+
 WRONG = {
     "what is the robot called": ["--map", "m.yaml", "--log", "l.gz"],
     "which log": ["--name", "r1"],
@@ -64,6 +73,7 @@ WRONG = {
     "no endpoint such as": ["--data", "FOLDER", "--robot", "1", "--listen", "here"],
     "leave it 0": ["--data", "FOLDER", "--robot", "1", "--set", "detection.p_detect=0.5"],
     "peers has no parameter": ["--data", "FOLDER", "--robot", "1", "--set", "peers.silense=3"],
+    "for '--peers'": ["--data", "FOLDER", "--robot", "1", "--peers", "-1"],
     "must be > 0": ["--data", "FOLDER", "--robot", "1", "--set", "peers.silence=0"],
 }
 

@@ -350,6 +350,13 @@ def acquainted():
     end.set()
 
 
+def test_who_begins_without_those_that_it_waited_for_says_so(folder):
+    said = []
+    one = alone(folder, 1, Hub().carrier("1"), PeerPolicy(patience=0.1))
+    list(Joining(one.member, LookAhead(stop_and_go(10)), said.append).run(3))
+    assert said == ["1 begins with 0 of the 3 others that it waited for"]
+
+
 def test_another_robot_of_the_same_name_is_spoken_of_once(folder):
     hub, said = Hub(), []
     one = alone(folder, 1, hub.carrier("1"), log=stop_and_go(10))

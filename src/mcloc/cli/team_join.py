@@ -114,6 +114,7 @@ def join(
         int | None,
         _Option(
             metavar="N",
+            min=0,
             help="Begin once N others are there, or peers.patience is over. Without it 1 where "
             "--connect or --search is given, else 0.",
         ),

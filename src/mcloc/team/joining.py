@@ -96,6 +96,11 @@ class Joining:
         end = self.post.now() + self.post.policy.patience
         while len(self.post.live()) < peers and self.post.now() < end:
             self._serve(wait=WAIT)
+        there = len(self.post.live())
+        if there < peers:
+            self._remarks.once(
+                f"{self.post.name} begins with {there} of the {peers} others that it waited for"
+            )
 
     def _join(self) -> None:
         """Find out where the others are in the time of their logs: they hold as long as `until` is
