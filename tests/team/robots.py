@@ -85,7 +85,7 @@ class Alone:
 
 def alone(folder, robot, carrier, policy=QUICK, seed=0, log=None):
     """One of them. log: other events than those of the folder."""
-    ahead = LookAhead(events(folder, robot) if log is None else log)
+    ahead = LookAhead(list(events(folder, robot)) if log is None else log)
     post = Post(str(robot), carrier, policy)
     member = Member(localizer(folder, robot, seed), post, MODEL, POLICY, ahead.pop_wheels)
     return Alone(member, Joining(member, ahead), [])

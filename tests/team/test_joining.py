@@ -19,6 +19,7 @@ from mcloc.team.joining import Joining
 from mcloc.team.letters import Heartbeat, Sent
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.peer_policy import PeerPolicy
+from mcloc.team.post import Post
 from mcloc.team.wire import decoded, encoded
 
 LONG = 600.0  # s, for a machine that is busy
@@ -321,6 +322,53 @@ def test_who_does_not_go_on_is_not_waited_for_for_ever(folder):
     run(one)
     end.set()
     assert one.joining.not_awaited == {"2": 1}
+
+
+@pytest.fixture
+def stranger():
+    """Starts one that is heard by all, and says to be wherever it is told to."""
+    end, threads = threading.Event(), []
+
+    def start(hub, name, where):
+        post = Post(name, hub.carrier(name), QUICK)
+
+        def beat():
+            while not end.wait(0.02):
+                post.serve()
+                post.position, post.until = where(post)
+                post.beat()
+
+        threads.append(threading.Thread(target=beat, daemon=True))
+        threads[-1].start()
+        return post
+
+    yield start
+    end.set()
+    for thread in threads:
+        thread.join()
+
+
+@pytest.mark.parametrize("until", [math.inf, -math.inf, 1e9, math.nan])
+def test_who_says_to_be_beyond_the_log_does_not_end_it(folder, stranger, until):
+    hub = Hub()
+    stranger(hub, "3", lambda _: (1e9, until))
+    policy = PeerPolicy(patience=2.0, silence=600.0, heartbeat=0.05)
+    one = alone(folder, 1, hub.carrier("1"), policy, log=stop_and_go(20))
+    one.go(1)
+    assert one.joining.beyond == {"3": 1}
+    assert one.joining.skipped == 0
+    assert one.member.post.position == stop_and_go(20)[-1].t
+    assert one.member.localizer.told_start
+
+
+def test_the_farthest_one_within_the_log_is_joined(folder, stranger):
+    hub = Hub()
+    for name, position in (("3", 1e9), ("4", 1010.0), ("5", 1005.0), ("6", -math.inf)):
+        stranger(hub, name, lambda _, position=position: (position, math.inf))
+    one = alone(folder, 1, hub.carrier("1"), log=stop_and_go(20))
+    one.go(4)
+    assert one.joining.beyond == {"3": 1}
+    assert one.joining.skipped == 20
 
 
 @pytest.fixture

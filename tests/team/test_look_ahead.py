@@ -42,6 +42,17 @@ def test_events_come_in_order_and_detections_not_before_they_were_told(every):
     assert ahead.until == math.inf
 
 
+def test_it_begins_anew():
+    expected, ahead = list(log(300, 50)), LookAhead(list(log(300, 50)))
+    for some in (200, 300, 10):
+        for _ in range(some):
+            ahead.pop()
+        ahead.rewind()
+    assert ahead.until < expected[-1].t
+    assert [ahead.pop().t for _ in expected] == [e.t for e in expected]
+    assert ahead.next is None
+
+
 def test_it_is_told_some_seconds_ahead():
     ahead = LookAhead(log(3000, 5000))
     for _ in range(1000):

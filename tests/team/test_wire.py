@@ -161,6 +161,11 @@ def with_bearing(bearing):
 
 wire_leaf = 255
 
+
+def heartbeat(position, until):
+    return encoded(SENT, Heartbeat(position, until))
+
+
 WRONG = {
     "too short": MESSAGES[0][:13],
     "too long": MESSAGES[0] + bytes(5000),
@@ -192,6 +197,21 @@ WRONG = {
     "axis that is none": with_tree(put(43, "<B", 2)),
     "tree that is not whole": with_tree(put(43, "<B", wire_leaf)),
 }
+
+
+@pytest.mark.parametrize(
+    ("position", "until"),
+    [(math.inf, math.inf), (math.nan, 0.0), (1e300, 0.0), (-1e300, 0.0), (0.0, 1e300)],
+)
+def test_a_time_that_no_robot_can_be_at_is_refused(position, until):
+    assert refusal(heartbeat(position, until)) == "stamp that cannot be"
+
+
+@pytest.mark.parametrize("until", [-math.inf, math.nan, math.inf, 5.0])
+def test_where_a_robot_is_before_its_first_event_comes_back(until):
+    _, told = decoded(heartbeat(-math.inf, until))
+    assert told.position == -math.inf
+    assert repr(told.until) == repr(until)
 
 
 @pytest.mark.parametrize("why", WRONG)

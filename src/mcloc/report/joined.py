@@ -50,6 +50,16 @@ class Joined:
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _TeamLog:
+    """Events that can be gone through again."""
+
+    events: Callable[[], Iterator[Event | Detection]]
+
+    def __iter__(self) -> Iterator[Event | Detection]:
+        return self.events()
+
+
 class JoinedRun(Run):
     """One run of a robot that joins a team, whose messages `carrier` carries; else as any Run.
 
@@ -74,7 +84,7 @@ class JoinedRun(Run):
                 "that they see, not of those that they do not; leave it 0"
             )
         policy, peers = (made(part, OF_MEMBER[part], of) for part in ("team", "peers"))
-        ahead = LookAhead(self._team_events())
+        ahead = LookAhead(_TeamLog(self._team_events))
         post = Post(joined.name, carrier, peers)
         self.member = Member(self.localizer, post, model, policy, ahead.pop_wheels)
         self.joining = Joining(self.member, ahead, say)
@@ -115,6 +125,7 @@ class JoinedRun(Run):
                         "starts": peer.sessions,
                         "clock_ahead_s": peer.offset.middle,
                         "not_awaited": self.joining.not_awaited[peer.name],
+                        "beyond_the_log": bool(self.joining.beyond[peer.name]),
                     }
                     for peer in post.inbox.peers.values()
                 },

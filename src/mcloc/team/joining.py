@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from mcloc.events import Detection, Event, Odometry
-from mcloc.geometry import between
+from mcloc.geometry import Pose, between
 from mcloc.team.inbox import Peer
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
@@ -43,8 +43,9 @@ def pulse(post: Post) -> Iterator[None]:
 
 class Joining:
     """A member that replays a log. skipped: events before the time at which it joined.
-    not_awaited: how often a robot that did not go on was no longer waited for, by name. say: is
-    told in words, once each, what somebody should know.
+    not_awaited: how often a robot that did not go on was no longer waited for, by name. beyond:
+    robots by name, 1 where all of the log is before the time that they say to be at, so that it was
+    not joined. say: is told in words, once each, what somebody should know.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Joining:
         self._remarks = Remarks(member.post, say)
         self.skipped = 0
         self.not_awaited: Counter[str] = Counter()
+        self.beyond: Counter[str] = Counter()
         self._given_up: dict[str, float] = {}
 
     def run(self, peers: int = 0) -> Iterator[Event | Detection | None]:
@@ -112,21 +114,33 @@ class Joining:
             self._serve(wait=WAIT)
             if all(peer.echoed >= asked for peer in self._others()):
                 break
-        self._joined_at = max((peer.position for peer in self._others()), default=-math.inf)
 
     def _skip(self) -> None:
-        """Leave out what was before the others' time. A robot that has moved meanwhile does not
-        know any more where it is.
+        """Leave out what was before the others' time: that of the one that has come farthest in
+        this log. A robot that has moved meanwhile does not know any more where it is.
         """
+        wheels: list[Pose] = []
+        begun = [peer for peer in self._others() if peer.position > -math.inf]
+        for peer in sorted(begun, key=lambda peer: peer.position, reverse=True):
+            wheels = self._skip_to(peer.position)
+            if self._ahead.next is not None:
+                break
+            self.beyond[peer.name] += 1
+            self._ahead.rewind()
+            self.skipped, wheels = 0, []
+        localizer = self.member.localizer
+        if wheels and localizer.policy.due(between(wheels[0], wheels[-1])):
+            localizer.start_globally()
+
+    def _skip_to(self, t: float) -> list[Pose]:
+        """The poses of the wheels before t, of which the events are left out."""
         wheels = []
-        while (event := self._ahead.next) is not None and self._ahead.stamp < self._joined_at:
+        while (event := self._ahead.next) is not None and self._ahead.stamp < t:
             self._ahead.pop()
             self.skipped += 1
             if isinstance(event, Odometry):
                 wheels.append(event.pose)
-        localizer = self.member.localizer
-        if wheels and localizer.policy.due(between(wheels[0], wheels[-1])):
-            localizer.start_globally()
+        return wheels
 
     def _hold(self, t: float) -> None:
         """Until nobody may tell of a sighting before t any more; what is due is answered."""

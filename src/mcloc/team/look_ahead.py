@@ -19,8 +19,13 @@ class LookAhead:
     as far as the log is in order; ∞ when none will.
     """
 
-    def __init__(self, events: Iterable[Event | Detection]) -> None:
-        self._events = iter(events)
+    def __init__(self, log: Iterable[Event | Detection]) -> None:
+        self._log = log
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Begin anew, where the log can be gone through again."""
+        self._events = iter(self._log)
         self._held: deque[Event | Detection] = deque()
         self._ended = False
         self._stamps = deque([-math.inf, -math.inf], maxlen=2)

@@ -166,8 +166,10 @@ def _heartbeat(read: Reader) -> Heartbeat:
     position, until, n = read.values(_BEAT)
     if n > MOST_HEARD:
         raise MessageError("too many peers")
-    if math.isnan(position):
-        raise MessageError("stamp that cannot be")
+    if position != -math.inf:
+        _check_times(position)
+    if math.isfinite(until):
+        _check_times(until)
     heard = []
     for _ in range(n):
         peer, (session, clock, since, told) = read.name(), read.values(_HEARD)
