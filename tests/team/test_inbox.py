@@ -325,15 +325,6 @@ def test_a_heartbeat_that_was_overtaken_takes_nothing_back(two):
     assert (peer.position, peer.until) == (8.0, 9.0)
 
 
-def test_when_a_peer_last_went_on_is_known(two):
-    peer = two.inboxes["b"].peers["a"]
-    for until, goes_on in ((7.0, True), (7.0, False), (6.0, False), (7.5, True)):
-        two.t += 1.0
-        two.beat("a", until=until)
-        two.flush()
-        assert (peer.since == two.t) == goes_on
-
-
 WRONG_SENDERS = {
     "under the name of another robot": ("a", 1, "c"),
     "of another robot of this name": ("b", 1, "b"),

@@ -324,6 +324,23 @@ def test_who_does_not_go_on_is_not_waited_for_for_ever(folder):
     assert one.joining.not_awaited == {"2": 1}
 
 
+CREEPING = {
+    "from the first days": lambda t: -1e9 + t,
+    "behind": lambda t: 1000.0 + 1e-3 * t,
+    "from minus infinity": lambda _: -math.inf,
+}
+
+
+@pytest.mark.parametrize("how", CREEPING)
+def test_who_says_to_go_on_and_never_comes_is_not_waited_for_for_ever(folder, stranger, how):
+    hub, began = Hub(), time.monotonic()
+    stranger(hub, "3", lambda post: (-math.inf, CREEPING[how](post.now() - began)))
+    policy = PeerPolicy(patience=1.0, silence=600.0, heartbeat=0.05)
+    one = alone(folder, 1, hub.carrier("1"), policy, log=stop_and_go(20))
+    run(one)
+    assert one.joining.not_awaited["3"] >= 1
+
+
 @pytest.fixture
 def stranger():
     """Starts one that is heard by all, and says to be wherever it is told to."""

@@ -49,7 +49,7 @@ class Arrival:
 @dataclass(slots=True)
 class Peer:
     """Another robot, as far as it is heard. heard: `now` when it last was. position, until: as of
-    its last heartbeat; since: `now` when that last said that it went on. beat: that heartbeat's
+    its last heartbeat. beat: that heartbeat's
     clock, and `now` when it came. echoed: s, what this robot's clock was when it sent
     the last heartbeat that the peer says to have heard. told: messages that it says to have sent to
     this robot alone. lost: those that did not come, of earlier sessions.
@@ -60,7 +60,6 @@ class Peer:
     heard: float
     position: float = -math.inf
     until: float = math.nan
-    since: float = -math.inf
     beat: tuple[float, float] | None = None
     offset: ClockOffset = field(default_factory=ClockOffset)
     to_all: Numbering = field(default_factory=Numbering)
@@ -75,7 +74,7 @@ class Peer:
         """Its process was started anew."""
         self.lost, self.sessions = self.missing, self.sessions + 1
         self.session, self.heard, self.left = session, now, False
-        self.position, self.until, self.since = -math.inf, math.nan, now
+        self.position, self.until = -math.inf, math.nan
         self.beat, self.echoed, self.offset, self.told = None, -math.inf, ClockOffset(), 0
         self.to_all, self.to_one = Numbering(), Numbering()
 
@@ -182,7 +181,7 @@ class Inbox:
         peer = self.peers.get(sent.sender)
         if peer is None:
             self._make_room(now)
-            peer = self.peers[sent.sender] = Peer(sent.sender, sent.session, now, since=now)
+            peer = self.peers[sent.sender] = Peer(sent.sender, sent.session, now)
         elif sent.session != peer.session:
             peer.begin(sent.session, now)
         return peer
@@ -210,8 +209,6 @@ class Inbox:
         if sent.number < peer.to_all.highest:
             return
         peer.beat = sent.clock, arrival.now
-        if not said.until <= peer.until:  # NaN is not
-            peer.since = arrival.now
         peer.position, peer.until = said.position, said.until
 
     def _check(self, peer: Peer, said: Notice | Reply | Refusal) -> None:

@@ -17,6 +17,7 @@ from mcloc.geometry import Pose, between
 from mcloc.team.inbox import Peer
 from mcloc.team.look_ahead import LookAhead
 from mcloc.team.member import Member
+from mcloc.team.patience import Patience
 from mcloc.team.post import WAIT, Post
 from mcloc.team.remarks import Remarks, silent
 
@@ -56,7 +57,8 @@ class Joining:
         self.skipped = 0
         self.not_awaited: Counter[str] = Counter()
         self.beyond: Counter[str] = Counter()
-        self._given_up: dict[str, float] = {}
+        self._patience: dict[str, Patience] = {}
+        self._given_up: set[str] = set()
 
     def run(self, peers: int = 0) -> Iterator[Event | Detection | None]:
         """Go through the log, once `peers` others are there or patience ends; each event that has
@@ -147,22 +149,34 @@ class Joining:
         while True:
             self._serve()
             self.member.answer_due(t)
-            if not any(self._holds(peer, t) for peer in self.post.live()):
+            if not self._waited(t):
                 return
-            self._serve(wait=WAIT)
+
+    def _waited(self, t: float) -> bool:
+        """Whether anybody is still waited for at t; then a little time has passed."""
+        behind = [peer.name for peer in self.post.live() if self._holds(peer, t)]
+        if not behind:
+            return False
+        began = self.post.now()
+        self._serve(wait=WAIT)
+        for name in behind:
+            self._patience[name].spend(self.post.now() - began)
+        return True
 
     def _holds(self, peer: Peer, t: float) -> bool:
         """Whether it is to be waited for."""
         if math.isnan(peer.until):  # it waits for others itself
             return False
+        patience = self._patience.setdefault(peer.name, Patience(self.post.policy.patience))
+        patience.see(peer.until, t)
         if not peer.until < t or (peer.offset.known and not self.post.inbox.trusted(peer)):
             return False
-        if self.post.now() - peer.since <= self.post.policy.patience:
-            return True
-        if self._given_up.get(peer.name) != peer.until:
-            self._given_up[peer.name] = peer.until
+        if not patience.over:
+            self._given_up.discard(peer.name)
+        elif peer.name not in self._given_up:
+            self._given_up.add(peer.name)
             self.not_awaited[peer.name] += 1
-        return False
+        return not patience.over
 
     def _others(self) -> list[Peer]:
         """Those that can be worked with, or may be once their clocks are compared."""
@@ -171,8 +185,6 @@ class Joining:
 
     def _linger(self) -> None:
         """Answer others that have not come as far as this log's end."""
-        last = self.post.position
-        while any(self._holds(peer, math.nextafter(last, math.inf)) for peer in self.post.live()):
-            self._serve(wait=WAIT)
+        while self._waited(math.nextafter(self.post.position, math.inf)):
             self.member.answer_due(math.inf)
         self.member.answer_due(math.inf)
