@@ -138,6 +138,31 @@ def test_two_that_join_are_told(folder) -> None:
         assert run.landmarks is None or run is runs[0]
 
 
+def test_robots_that_are_set_differently_are_told_apart(folder) -> None:
+    hub, said = Hub(), ([], [])
+    settings = PATIENT, {**PATIENT, "detection": {"p_false": 0.3}}
+    runs = [
+        JoinedRun(
+            config(folder, n),
+            Joined(str(n), 1, None, n == 1, True, of),
+            hub.carrier(str(n)),
+            remarks.append,
+        )
+        for n, of, remarks in zip((1, 2), settings, said, strict=True)
+    ]
+    threads = [threading.Thread(target=lambda run=run: list(run), daemon=True) for run in runs]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(600.0)
+        assert not thread.is_alive()
+    for run, remarks, other in zip(runs, said, "21", strict=True):
+        told = run.more()["team"]
+        assert told["detections"]["used"] == 0
+        assert told["peers"][other]["differing"] == ["detection"]
+        assert len(remarks) == 1
+
+
 def test_a_robot_that_never_has_a_place_says_so(folder) -> None:
     run = JoinedRun(config(folder, 2), Joined("2", 0, None, False), Hub().carrier("2"))
     with pytest.raises(Exception, match="never had a place"):

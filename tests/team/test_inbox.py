@@ -12,7 +12,7 @@ from tests.team.conftest import place, ring
 from mcloc.events import Detection
 from mcloc.team import wire
 from mcloc.team.inbox import Arrival, Inbox
-from mcloc.team.letters import MOST_HEARD, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
+from mcloc.team.letters import MOST_HEARD, Common, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.numbering import REMEMBERED
 from mcloc.team.outbox import Outbox
 from mcloc.team.peer_policy import PeerPolicy
@@ -48,7 +48,8 @@ class Ether:
 
     def beat(self, name, until=math.nan, position=-math.inf):
         box = self.outboxes[name]
-        box.to_all(Heartbeat(position, until, self.inboxes[name].heard(self.t, box.told)))
+        inbox = self.inboxes[name]
+        box.to_all(Heartbeat(position, until, inbox.heard(self.t, box.told), inbox.common))
 
     def meet(self, delay=0.01):
         """Until all have compared their clocks."""
@@ -246,6 +247,27 @@ def test_a_reply_to_an_earlier_session_is_left_out(two):
     two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, 1.0, RING))
     assert two.flush()["a"] == [None]
     assert two.inboxes["a"].dropped == {"about an earlier session": 1}
+
+
+def test_what_a_robot_with_another_detection_model_tells_is_left_out(two):
+    """Another map, or no fingerprint at all, is no reason."""
+    inbox = two.inboxes["b"]
+    inbox.common = Common(1, 2, 3)
+    for common, differing, why in (
+        (Common(1, 2, 3), [], ""),
+        (Common(), [], ""),
+        (Common(1, 9, 9), ["map", "landmarks"], ""),
+        (Common(7, 2, 0), ["detection"], "of a robot with another detection model"),
+        (Common(1, 2, 3), [], ""),
+    ):
+        two.inboxes["a"].common = common
+        two.beat("a")
+        from_a(two)
+        came = two.flush()["b"]
+        assert (came[-1] is None) == bool(why)
+        assert inbox.differing(inbox.peers["a"]) == differing
+        assert inbox.barred(inbox.peers["a"]) == why
+    assert inbox.dropped == {"of a robot with another detection model": 1}
 
 
 def test_who_is_silent_is_gone_and_comes_back(two):

@@ -5,19 +5,18 @@ whatever becomes of the messages between them.
 import math
 import threading
 import time
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 from tests.team.folders import write_folder
 from tests.team.hub import Faults, Faulty, Hub
-from tests.team.robots import QUICK, alone, apart, errors, events, sound, together
+from tests.team.robots import MODEL, QUICK, alone, apart, errors, events, sound, together
 
 from mcloc.events import Detection, Odometry
 from mcloc.team.inbox import Arrival
-from mcloc.team.joining import Joining
 from mcloc.team.letters import Heartbeat, Sent
-from mcloc.team.look_ahead import LookAhead
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.post import Post
 from mcloc.team.wire import decoded, encoded
@@ -415,22 +414,37 @@ def acquainted():
     end.set()
 
 
+def test_a_robot_with_another_detection_model_is_spoken_of_and_not_waited_for(folder):
+    """Neither asks, so neither waits for an answer; each says so once."""
+    hub, said = Hub(), [[], []]
+    models = MODEL, replace(MODEL, p_false=0.3)
+    robots = [
+        alone(folder, n, hub.carrier(str(n)), model=model, say=of.append)
+        for n, model, of in zip((1, 2), models, said, strict=True)
+    ]
+    run(*robots)
+    for robot, remarks, other in zip(robots, said, "21", strict=True):
+        assert robot.member.used == 0
+        assert robot.member.post.sizes == []
+        assert robot.member.ignored["detection of a robot with another detection model"] > 0
+        (remark,) = remarks
+        assert f"robot {other} has another detection model" in remark
+
+
 def test_who_begins_without_those_that_it_waited_for_says_so(folder):
     said = []
-    one = alone(folder, 1, Hub().carrier("1"), PeerPolicy(patience=0.1))
-    list(Joining(one.member, LookAhead(stop_and_go(10)), said.append).run(3))
+    alone(folder, 1, Hub().carrier("1"), PeerPolicy(patience=0.1), say=said.append).go(3)
     assert said == ["1 begins with 0 of the 3 others that it waited for"]
 
 
 def test_another_robot_of_the_same_name_is_spoken_of_once(folder):
     hub, said = Hub(), []
-    one = alone(folder, 1, hub.carrier("1"), log=stop_and_go(10))
-    joining = Joining(one.member, LookAhead(stop_and_go(10)), said.append)
+    one = alone(folder, 1, hub.carrier("1"), say=said.append)
     namesake = Sent("1", one.member.post.inbox.session + 1, 0, time.time())
     for _ in range(3):
         arrival = Arrival(encoded(namesake, Heartbeat(0.0, 0.0)), "1", time.time(), 0.0)
         hub.robots["1"].waiting.append(arrival)
-    list(joining.run())
+    one.go(0)
     assert one.dropped == {"of another robot of this name": 3}
     (remark,) = said
     assert "another robot is called 1, too" in remark

@@ -125,6 +125,7 @@ class JoinedRun(Run):
                         "starts": peer.sessions,
                         "clock_ahead_s": peer.offset.middle,
                         "not_awaited": self.joining.not_awaited[peer.name],
+                        "differing": post.inbox.differing(peer),
                         "beyond_the_log": bool(self.joining.beyond[peer.name]),
                     }
                     for peer in post.inbox.peers.values()

@@ -13,6 +13,7 @@ from mcloc.errors import MessageError
 from mcloc.team.clocks import ClockOffset
 from mcloc.team.letters import (
     MOST_HEARD,
+    Common,
     Farewell,
     Heard,
     Heartbeat,
@@ -48,11 +49,11 @@ class Arrival:
 
 @dataclass(slots=True)
 class Peer:
-    """Another robot, as far as it is heard. heard: `now` when it last was. position, until: as of
-    its last heartbeat. beat: that heartbeat's
-    clock, and `now` when it came. echoed: s, what this robot's clock was when it sent
-    the last heartbeat that the peer says to have heard. told: messages that it says to have sent to
-    this robot alone. lost: those that did not come, of earlier sessions.
+    """Another robot, as far as it is heard. heard: `now` when it last was. position, until, common:
+    as of its last heartbeat. beat: that heartbeat's clock, and `now` when it came. echoed: s, what
+    this robot's clock was when it sent the last heartbeat that the peer says to have heard. told:
+    messages that it says to have sent to this robot alone. lost: those that did not come, of
+    earlier sessions.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Peer:
     heard: float
     position: float = -math.inf
     until: float = math.nan
+    common: Common = field(default_factory=Common)
     beat: tuple[float, float] | None = None
     offset: ClockOffset = field(default_factory=ClockOffset)
     to_all: Numbering = field(default_factory=Numbering)
@@ -74,7 +76,7 @@ class Peer:
         """Its process was started anew."""
         self.lost, self.sessions = self.missing, self.sessions + 1
         self.session, self.heard, self.left = session, now, False
-        self.position, self.until = -math.inf, math.nan
+        self.position, self.until, self.common = -math.inf, math.nan, Common()
         self.beat, self.echoed, self.offset, self.told = None, -math.inf, ClockOffset(), 0
         self.to_all, self.to_one = Numbering(), Numbering()
 
@@ -85,7 +87,8 @@ class Peer:
 
 
 class Inbox:
-    """Judges what comes for the robot `name`, in its session.
+    """Judges what comes for the robot `name`, in its session. common: what that should have in
+    common with others.
 
     peers: by name, also those that are gone, at most MOST_HEARD. dropped: how many messages were
     left out, by reason. repeated: sender, session and number of the last duplicates of letters.
@@ -93,6 +96,7 @@ class Inbox:
 
     def __init__(self, name: str, session: int, policy: PeerPolicy) -> None:
         self.name, self.session, self.policy = name, session, policy
+        self.common = Common()
         self.peers: dict[str, Peer] = {}
         self.dropped: Counter[str] = Counter()
         self.repeated: deque[tuple[str, int, int]] = deque(maxlen=MOST_HEARD)
@@ -122,6 +126,18 @@ class Inbox:
     def trusted(self, peer: Peer) -> bool:
         """Whether its clock is known not to be too far off."""
         return peer.offset.known and not peer.offset.beyond(self.policy.clock_bound)
+
+    def barred(self, peer: Peer) -> str:
+        """Why nothing can be used that it tells of sightings, or nothing."""
+        where = peer.offset.beyond(self.policy.clock_bound)
+        if where:
+            return f"of a clock too far {where}"
+        alike = "detection" not in self.differing(peer)
+        return "" if alike else "of a robot with another detection model"
+
+    def differing(self, peer: Peer) -> list[str]:
+        """What it should have in common with this robot, and has not."""
+        return self.common.differing(peer.common)
 
     def heard(self, now: float, told: Callable[[str, int], int]) -> tuple[Heard, ...]:
         """What the next heartbeat says of others. told: messages to a peer in a session of it."""
@@ -209,12 +225,12 @@ class Inbox:
         if sent.number < peer.to_all.highest:
             return
         peer.beat = sent.clock, arrival.now
-        peer.position, peer.until = said.position, said.until
+        peer.position, peer.until, peer.common = said.position, said.until, said.common
 
     def _check(self, peer: Peer, said: Notice | Reply | Refusal) -> None:
-        where = peer.offset.beyond(self.policy.clock_bound)
-        if where:
-            raise MessageError(f"of a clock too far {where}")
+        barred = self.barred(peer)
+        if barred:
+            raise MessageError(barred)
         asked = said.z.seen if isinstance(said, Notice) else said.seer
         if asked != self.name:
             raise MessageError("for another robot")

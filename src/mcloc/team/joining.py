@@ -169,7 +169,7 @@ class Joining:
             return False
         patience = self._patience.setdefault(peer.name, Patience(self.post.policy.patience))
         patience.see(peer.until, t)
-        if not peer.until < t or (peer.offset.known and not self.post.inbox.trusted(peer)):
+        if not peer.until < t or self.post.inbox.barred(peer):
             return False
         if not patience.over:
             self._given_up.discard(peer.name)
@@ -180,8 +180,7 @@ class Joining:
 
     def _others(self) -> list[Peer]:
         """Those that can be worked with, or may be once their clocks are compared."""
-        inbox = self.post.inbox
-        return [p for p in self.post.live() if inbox.trusted(p) or not p.offset.known]
+        return [peer for peer in self.post.live() if not self.post.inbox.barred(peer)]
 
     def _linger(self) -> None:
         """Answer others that have not come as far as this log's end."""

@@ -5,6 +5,15 @@ from collections.abc import Callable
 from mcloc.team.inbox import NAMESAKE
 from mcloc.team.post import Post
 
+DIFFERING = {
+    "detection": "another detection model: neither of the two uses what the other one tells; give "
+    "all robots of a team the same --set detection",
+    "map": "another map: what the two tell each other is right only if both are of one frame",
+    "landmarks": "other landmarks: what the two tell each other is right only if all are of one "
+    "frame",
+}
+"""What another robot has that is not as this one's."""
+
 
 def silent(_: str) -> None:
     """Nobody is told."""
@@ -28,3 +37,6 @@ class Remarks:
         name, inbox = self._post.name, self._post.inbox
         if inbox.dropped[NAMESAKE]:
             self.once(f"another robot is called {name}, too; give each a name of its own")
+        for peer in inbox.peers.values():
+            for what in inbox.differing(peer):
+                self.once(f"robot {peer.name} has {DIFFERING[what]}")

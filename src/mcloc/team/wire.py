@@ -13,6 +13,7 @@ import math
 import struct
 import zlib
 from collections.abc import Callable
+from dataclasses import astuple
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from mcloc.team.letters import (
     MOST_HEARD,
     MOST_NAME,
     WHY,
+    Common,
     Farewell,
     Heard,
     Heartbeat,
@@ -38,7 +40,7 @@ from mcloc.team.letters import (
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
 from mcloc.team.reader import Reader
 
-VERSION = 1
+VERSION = 2
 MAGIC = b"mcTM"
 
 _FRAME = struct.Struct("<4sBBII")
@@ -46,7 +48,7 @@ _SENT = struct.Struct("<QQd")
 _HEARD = struct.Struct("<QddQ")
 _SEEN = struct.Struct("<d3d3d2d")
 _ANSWER = struct.Struct("<QQd")
-_BEAT = struct.Struct("<ddB")
+_BEAT = struct.Struct("<dd3QB")
 _MOVED = struct.Struct("<d")
 _WHY = struct.Struct("<B")
 _LATEST = 1e12  # s, stamps and clocks
@@ -77,8 +79,8 @@ def encoded(sent: Sent, said: Said) -> bytes:
     """The message, at most MOST_BYTES long."""
     body = _name(sent.sender) + _SENT.pack(sent.session, sent.number, sent.clock)
     match said:
-        case Heartbeat(position, until, heard):
-            body += _BEAT.pack(position, until, len(heard))
+        case Heartbeat(position, until, heard, common):
+            body += _BEAT.pack(position, until, *astuple(common), len(heard))
             for h in heard:
                 body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
         case Notice(z, last, moved, tree):
@@ -163,7 +165,7 @@ def _check_times(*times: float) -> None:
 
 
 def _heartbeat(read: Reader) -> Heartbeat:
-    position, until, n = read.values(_BEAT)
+    position, until, *common, n = read.values(_BEAT)
     if n > MOST_HEARD:
         raise MessageError("too many peers")
     if position != -math.inf:
@@ -175,7 +177,7 @@ def _heartbeat(read: Reader) -> Heartbeat:
         peer, (session, clock, since, told) = read.name(), read.values(_HEARD)
         _check_times(clock, since)
         heard.append(Heard(peer, session, clock, since, told))
-    return Heartbeat(position, until, tuple(heard))
+    return Heartbeat(position, until, tuple(heard), Common(*common))
 
 
 def _notice(read: Reader) -> Notice:
