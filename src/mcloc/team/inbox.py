@@ -130,7 +130,7 @@ class Inbox:
     def barred(self, peer: Peer) -> str:
         """Why nothing can be used that it tells of sightings, or nothing."""
         where = peer.offset.beyond(self.policy.clock_bound)
-        if where:
+        if where and peer.offset.known:
             return f"of a clock too far {where}"
         alike = "detection" not in self.differing(peer)
         return "" if alike else "of a robot with another detection model"
