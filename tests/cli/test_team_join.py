@@ -53,6 +53,15 @@ def test_a_log_with_a_map_and_a_file_of_detections(mcloc: Mcloc, drive, start, t
     assert summary["accuracy"]["position_median_m"] < 0.3
 
 
+def test_a_robot_says_that_it_begins_without_others(mcloc: Mcloc, folder, tmp_path) -> None:
+    done = mcloc(
+        *("team", "join", "--data", folder, "--robot", 1, "--told-start", *QUICK),
+        *("--peers", 2, "--set", "peers.patience=0.2", "--seed", 1, "--out", tmp_path),
+    )
+    assert done.code == 0, done.stderr
+    assert "1 begins with 0 of the 2 others" in done.stderr
+
+
 WRONG = {
     "what is the robot called": ["--map", "m.yaml", "--log", "l.gz"],
     "which log": ["--name", "r1"],
@@ -64,6 +73,7 @@ WRONG = {
     "no endpoint such as": ["--data", "FOLDER", "--robot", "1", "--listen", "here"],
     "leave it 0": ["--data", "FOLDER", "--robot", "1", "--set", "detection.p_detect=0.5"],
     "peers has no parameter": ["--data", "FOLDER", "--robot", "1", "--set", "peers.silense=3"],
+    "for '--peers'": ["--data", "FOLDER", "--robot", "1", "--peers", "-1"],
     "must be > 0": ["--data", "FOLDER", "--robot", "1", "--set", "peers.silence=0"],
 }
 
@@ -126,6 +136,31 @@ def test_two_that_join_are_told(folder) -> None:
         table = run.history.rows.table
         assert np.isfinite(table[:, :4]).all()
         assert run.landmarks is None or run is runs[0]
+
+
+def test_robots_that_are_set_differently_are_told_apart(folder) -> None:
+    hub, said = Hub(), ([], [])
+    settings = PATIENT, {**PATIENT, "detection": {"p_false": 0.3}}
+    runs = [
+        JoinedRun(
+            config(folder, n),
+            Joined(str(n), 1, None, n == 1, True, of),
+            hub.carrier(str(n)),
+            remarks.append,
+        )
+        for n, of, remarks in zip((1, 2), settings, said, strict=True)
+    ]
+    threads = [threading.Thread(target=lambda run=run: list(run), daemon=True) for run in runs]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(600.0)
+        assert not thread.is_alive()
+    for run, remarks, other in zip(runs, said, "21", strict=True):
+        told = run.more()["team"]
+        assert told["detections"]["used"] == 0
+        assert told["peers"][other]["differing"] == ["detection"]
+        assert len(remarks) == 1
 
 
 def test_a_robot_that_never_has_a_place_says_so(folder) -> None:

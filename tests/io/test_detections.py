@@ -50,6 +50,18 @@ def test_what_is_wrong_is_said(tmp_path, text, why):
     assert "seen.csv" in str(error.value)
 
 
+def test_one_wrong_stamp_does_not_bring_detections_before_their_time():
+    wheels = [Odometry(t, np.zeros(3)) for t in (0.0, 1.0, 1e6, 3.0, 4.0, 5.0, 6.0)]
+    seen = [Detection(t, "r2", 1.0, 0.0) for t in (2.5, 4.5, 7.0)]
+    assert [e.t for e in among(wheels, seen)] == [0.0, 1.0, 2.5, 1e6, 3.0, 4.0, 4.5, 5.0, 6.0, 7.0]
+
+
+def test_a_log_that_goes_on_after_a_pause_is_in_order():
+    wheels = [Odometry(t, np.zeros(3)) for t in (0.0, 100.0, 101.0)]
+    seen = [Detection(50.0, "r2", 1.0, 0.0)]
+    assert [e.t for e in among(wheels, seen)] == [0.0, 50.0, 100.0, 101.0]
+
+
 def test_detections_come_before_what_is_not_earlier():
     events = [Odometry(t, np.zeros(3)) for t in (1.0, 2.0, 3.0)]
     seen = [Detection(t, "r2", 1.0, 0.0) for t in (0.5, 2.0, 2.5, 9.0)]

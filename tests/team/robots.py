@@ -20,6 +20,7 @@ from mcloc.team.member import Member
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.policy import TeamPolicy
 from mcloc.team.post import Post
+from mcloc.team.remarks import silent
 from mcloc.team.team import Team
 
 FILTER = Composition(filter="mcl", size="fixed", settings={"size": {"particles": 500}})
@@ -83,12 +84,12 @@ class Alone:
         self.ended = True
 
 
-def alone(folder, robot, carrier, policy=QUICK, seed=0, log=None):
+def alone(folder, robot, carrier, policy=QUICK, seed=0, log=None, model=MODEL, say=silent):
     """One of them. log: other events than those of the folder."""
-    ahead = LookAhead(events(folder, robot) if log is None else log)
+    ahead = LookAhead(list(events(folder, robot)) if log is None else log)
     post = Post(str(robot), carrier, policy)
-    member = Member(localizer(folder, robot, seed), post, MODEL, POLICY, ahead.pop_wheels)
-    return Alone(member, Joining(member, ahead), [])
+    member = Member(localizer(folder, robot, seed), post, model, POLICY, ahead.pop_wheels)
+    return Alone(member, Joining(member, ahead, say), [])
 
 
 def sound(particles):

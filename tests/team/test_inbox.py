@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from tests.team.conftest import place, ring
 
 from mcloc.events import Detection
+from mcloc.team import wire
 from mcloc.team.inbox import Arrival, Inbox
-from mcloc.team.letters import MOST_HEARD, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
+from mcloc.team.letters import MOST_HEARD, Common, Farewell, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.numbering import REMEMBERED
 from mcloc.team.outbox import Outbox
 from mcloc.team.peer_policy import PeerPolicy
@@ -47,7 +48,8 @@ class Ether:
 
     def beat(self, name, until=math.nan, position=-math.inf):
         box = self.outboxes[name]
-        box.to_all(Heartbeat(position, until, self.inboxes[name].heard(self.t, box.told)))
+        inbox = self.inboxes[name]
+        box.to_all(Heartbeat(position, until, inbox.heard(self.t, box.told), inbox.common))
 
     def meet(self, delay=0.01):
         """Until all have compared their clocks."""
@@ -129,6 +131,18 @@ def test_duplicates_are_left_out_and_counted(two):
     assert two.inboxes["b"].peers["a"].missing == 0
 
 
+def test_what_comes_twice_is_not_read_again(two, monkeypatch):
+    """A replay of letters must cost less than reading their trees does."""
+    from_a(two)
+    (data, *_) = two.sent[0]
+    two.flush()
+    monkeypatch.setattr(wire, "unpacked", lambda *_: pytest.fail("a tree was read"))
+    two.deliver(data, "a", "b")
+    for session, key in ((two.session("a") - 1, "a"), (two.session("a"), "c")):
+        two.deliver(encoded(Sent("a", session, 7, two.t), notice()), key, "b")
+    assert two.inboxes["b"].dropped.total() == 3
+
+
 def test_any_order_will_do(two):
     for t in range(20):
         from_a(two, notice(t=float(t)))
@@ -171,6 +185,31 @@ def test_older_than_all_memory_is_left_out(two):
     assert two.inboxes["b"].dropped == {"older than can be told from a duplicate": 1}
 
 
+def test_one_forged_number_does_not_silence_a_robot(two):
+    forged = Sent("a", two.session("a"), 2**64 - 1, two.clock("a"))
+    for said in (Heartbeat(0.0, 0.0), notice()):
+        two.deliver(encoded(forged, said), "a", "b")
+    assert two.inboxes["b"].dropped == {"numbered far ahead of all others": 1}
+    two.t += POLICY.silence + 5.0
+    two.meet()
+    assert [peer.name for peer in two.inboxes["b"].live(two.t)] == ["a"]
+    from_a(two)
+    (came,) = two.flush()["b"]
+    assert came is not None
+
+
+def test_a_forged_number_of_a_first_heartbeat_does_not_hold_a_robot_where_it_is():
+    ether = Ether(a=0.0, b=0.0)
+    forged = Sent("a", ether.session("a"), 2**64 - 1, ether.clock("a"))
+    ether.deliver(encoded(forged, Heartbeat(0.0, 0.0)), "a", "b")
+    ether.meet()
+    ether.beat("a", until=9.0, position=8.0)
+    ether.flush()
+    peer = ether.inboxes["b"].peers["a"]
+    assert (peer.position, peer.until) == (8.0, 9.0)
+    assert ether.inboxes["b"].trusted(peer)
+
+
 def test_who_starts_anew_is_another_session(two):
     from_a(two)
     old = two.sent.pop()[0]
@@ -208,6 +247,27 @@ def test_a_reply_to_an_earlier_session_is_left_out(two):
     two.outboxes["b"].to_one("a", two.session("a"), Reply("a", session, 0, 5.0, 1.0, RING))
     assert two.flush()["a"] == [None]
     assert two.inboxes["a"].dropped == {"about an earlier session": 1}
+
+
+def test_what_a_robot_with_another_detection_model_tells_is_left_out(two):
+    """Another map, or no fingerprint at all, is no reason."""
+    inbox = two.inboxes["b"]
+    inbox.common = Common(1, 2, 3)
+    for common, differing, why in (
+        (Common(1, 2, 3), [], ""),
+        (Common(), [], ""),
+        (Common(1, 9, 9), ["map", "landmarks"], ""),
+        (Common(7, 2, 0), ["detection"], "of a robot with another detection model"),
+        (Common(1, 2, 3), [], ""),
+    ):
+        two.inboxes["a"].common = common
+        two.beat("a")
+        from_a(two)
+        came = two.flush()["b"]
+        assert (came[-1] is None) == bool(why)
+        assert inbox.differing(inbox.peers["a"]) == differing
+        assert inbox.barred(inbox.peers["a"]) == why
+    assert inbox.dropped == {"of a robot with another detection model": 1}
 
 
 def test_who_is_silent_is_gone_and_comes_back(two):
@@ -285,15 +345,6 @@ def test_a_heartbeat_that_was_overtaken_takes_nothing_back(two):
     two.flush()
     peer = two.inboxes["b"].peers["a"]
     assert (peer.position, peer.until) == (8.0, 9.0)
-
-
-def test_when_a_peer_last_went_on_is_known(two):
-    peer = two.inboxes["b"].peers["a"]
-    for until, goes_on in ((7.0, True), (7.0, False), (6.0, False), (7.5, True)):
-        two.t += 1.0
-        two.beat("a", until=until)
-        two.flush()
-        assert (peer.since == two.t) == goes_on
 
 
 WRONG_SENDERS = {

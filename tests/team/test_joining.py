@@ -5,17 +5,20 @@ whatever becomes of the messages between them.
 import math
 import threading
 import time
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 from tests.team.folders import write_folder
 from tests.team.hub import Faults, Faulty, Hub
-from tests.team.robots import QUICK, alone, apart, errors, sound, together
+from tests.team.robots import MODEL, QUICK, alone, apart, errors, events, sound, together
 
 from mcloc.events import Detection, Odometry
+from mcloc.team.inbox import Arrival
 from mcloc.team.letters import Heartbeat, Sent
 from mcloc.team.peer_policy import PeerPolicy
+from mcloc.team.post import Post
 from mcloc.team.wire import decoded, encoded
 
 LONG = 600.0  # s, for a machine that is busy
@@ -235,6 +238,30 @@ def stop_and_go(n, t0=1000.0):
     return [Odometry(t0 + 0.5 * k, np.array([0.1 * k, 0.0, 0.0])) for k in range(2 * n)]
 
 
+def spoilt(log):
+    """With one wrong stamp of the wheels."""
+    k = next(i for i, e in enumerate(log) if isinstance(e, Odometry) and i > 20)
+    return [*log[:k], Odometry(log[k].t + 1e6, log[k].pose), *log[k + 1 :]]
+
+
+def test_one_wrong_stamp_of_wheels_is_not_where_a_robot_is(folder):
+    one = alone(folder, 1, Hub().carrier("1"), log=spoilt(list(events(folder, 1))))
+    told = []
+    for _ in one.joining.run():
+        told.append(one.member.post.position)
+    assert 1000.0 < max(told) < 1100.0
+    assert told == sorted(told)
+
+
+def test_after_one_wrong_stamp_a_robot_still_follows_its_wheels(folder):
+    whole = [Odometry(1000.0 + 0.5 * k, np.array([0.1 * k, 0.0, 0.0])) for k in range(200)]
+    robots = [alone(folder, 2, Hub().carrier("2"), log=log) for log in (whole, spoilt(whole))]
+    for robot in robots:
+        robot.go(0)
+    assert abs(len(robots[0].estimates) - len(robots[1].estimates)) <= 1
+    assert len(robots[0].estimates) > 3
+
+
 def merged(*streams):
     return sorted((e for stream in streams for e in stream), key=lambda e: e.t)
 
@@ -296,6 +323,70 @@ def test_who_does_not_go_on_is_not_waited_for_for_ever(folder):
     assert one.joining.not_awaited == {"2": 1}
 
 
+CREEPING = {
+    "from the first days": lambda t: -1e9 + t,
+    "behind": lambda t: 1000.0 + 1e-3 * t,
+    "from minus infinity": lambda _: -math.inf,
+}
+
+
+@pytest.mark.parametrize("how", CREEPING)
+def test_who_says_to_go_on_and_never_comes_is_not_waited_for_for_ever(folder, stranger, how):
+    hub, began = Hub(), time.monotonic()
+    stranger(hub, "3", lambda post: (-math.inf, CREEPING[how](post.now() - began)))
+    policy = PeerPolicy(patience=1.0, silence=600.0, heartbeat=0.05)
+    one = alone(folder, 1, hub.carrier("1"), policy, log=stop_and_go(20))
+    run(one)
+    assert one.joining.not_awaited["3"] >= 1
+
+
+@pytest.fixture
+def stranger():
+    """Starts one that is heard by all, and says to be wherever it is told to."""
+    end, threads = threading.Event(), []
+
+    def start(hub, name, where):
+        post = Post(name, hub.carrier(name), QUICK)
+
+        def beat():
+            while not end.wait(0.02):
+                post.serve()
+                post.position, post.until = where(post)
+                post.beat()
+
+        threads.append(threading.Thread(target=beat, daemon=True))
+        threads[-1].start()
+        return post
+
+    yield start
+    end.set()
+    for thread in threads:
+        thread.join()
+
+
+@pytest.mark.parametrize("until", [math.inf, -math.inf, 1e9, math.nan])
+def test_who_says_to_be_beyond_the_log_does_not_end_it(folder, stranger, until):
+    hub = Hub()
+    stranger(hub, "3", lambda _: (1e9, until))
+    policy = PeerPolicy(patience=2.0, silence=600.0, heartbeat=0.05)
+    one = alone(folder, 1, hub.carrier("1"), policy, log=stop_and_go(20))
+    one.go(1)
+    assert one.joining.beyond == {"3": 1}
+    assert one.joining.skipped == 0
+    assert one.member.post.position == stop_and_go(20)[-1].t
+    assert one.member.localizer.told_start
+
+
+def test_the_farthest_one_within_the_log_is_joined(folder, stranger):
+    hub = Hub()
+    for name, position in (("3", 1e9), ("4", 1010.0), ("5", 1005.0), ("6", -math.inf)):
+        stranger(hub, name, lambda _, position=position: (position, math.inf))
+    one = alone(folder, 1, hub.carrier("1"), log=stop_and_go(20))
+    one.go(4)
+    assert one.joining.beyond == {"3": 1}
+    assert one.joining.skipped == 20
+
+
 @pytest.fixture
 def acquainted():
     """Two robots without logs that know each other's clocks; the second one answers."""
@@ -321,6 +412,46 @@ def acquainted():
 
     yield start
     end.set()
+
+
+def test_a_robot_with_another_detection_model_is_spoken_of_and_not_waited_for(folder):
+    """Neither asks, so neither waits for an answer; each says so once. One of them may end before
+    the other sees anything.
+    """
+    hub, said = Hub(), [[], []]
+    models = MODEL, replace(MODEL, p_false=0.3)
+    robots = [
+        alone(folder, n, hub.carrier(str(n)), model=model, say=of.append)
+        for n, model, of in zip((1, 2), models, said, strict=True)
+    ]
+    run(*robots)
+    for robot, remarks, other in zip(robots, said, "21", strict=True):
+        assert robot.member.used == 0
+        assert robot.member.post.sizes == []
+        (remark,) = remarks
+        assert f"robot {other} has another detection model" in remark
+    ignored = robots[0].member.ignored + robots[1].member.ignored
+    assert ignored.pop("detection of a robot with another detection model") > 0
+    assert set(ignored) <= {"detection of a robot that is not heard"}
+
+
+def test_who_begins_without_those_that_it_waited_for_says_so(folder):
+    said = []
+    alone(folder, 1, Hub().carrier("1"), PeerPolicy(patience=0.1), say=said.append).go(3)
+    assert said == ["1 begins with 0 of the 3 others that it waited for"]
+
+
+def test_another_robot_of_the_same_name_is_spoken_of_once(folder):
+    hub, said = Hub(), []
+    one = alone(folder, 1, hub.carrier("1"), say=said.append)
+    namesake = Sent("1", one.member.post.inbox.session + 1, 0, time.time())
+    for _ in range(3):
+        arrival = Arrival(encoded(namesake, Heartbeat(0.0, 0.0)), "1", time.time(), 0.0)
+        hub.robots["1"].waiting.append(arrival)
+    one.go(0)
+    assert one.dropped == {"of another robot of this name": 3}
+    (remark,) = said
+    assert "another robot is called 1, too" in remark
 
 
 REFUSED = {

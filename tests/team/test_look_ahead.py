@@ -42,6 +42,17 @@ def test_events_come_in_order_and_detections_not_before_they_were_told(every):
     assert ahead.until == math.inf
 
 
+def test_it_begins_anew():
+    expected, ahead = list(log(300, 50)), LookAhead(list(log(300, 50)))
+    for some in (200, 300, 10):
+        for _ in range(some):
+            ahead.pop()
+        ahead.rewind()
+    assert ahead.until < expected[-1].t
+    assert [ahead.pop().t for _ in expected] == [e.t for e in expected]
+    assert ahead.next is None
+
+
 def test_it_is_told_some_seconds_ahead():
     ahead = LookAhead(log(3000, 5000))
     for _ in range(1000):
@@ -65,6 +76,15 @@ def test_the_first_detection_is_told_until_it_is_done_with():
         told.append(ahead.until)
         ahead.pop()
     assert told == [1.0, 1.0, 3.0, 3.0]
+
+
+def test_the_stamp_of_the_next_event_is_that_of_the_one_after_it_where_it_cannot_be():
+    stamps = [0.0, 1.0, 1e6, math.nan, 2.0, 1.9, 1e6, 3.0, 500.0, 501.0]
+    ahead, told = LookAhead([odometry(t) for t in stamps]), []
+    while ahead.next is not None:
+        told.append(ahead.stamp)
+        ahead.pop()
+    assert told == [0.0, 1.0, 2.0, 2.0, 2.0, 1.9, 3.0, 3.0, 500.0, 501.0]
 
 
 @given(st.lists(st.tuples(st.booleans(), st.floats(allow_nan=True)), max_size=60))

@@ -6,7 +6,9 @@ import time
 import pytest
 
 from mcloc.errors import ConfigError, MessageError
+from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.peers import Peers
+from mcloc.team.post import Post
 from mcloc.team.wire import MOST_BYTES
 
 LONG = 30.0  # s, for a machine that is busy
@@ -111,6 +113,23 @@ def test_what_is_too_long_is_cut(started):
     found = []
     until(lambda: collected(a, found))
     assert {len(data) for _, data in found} == {MOST_BYTES + 1}
+
+
+def test_another_robot_of_the_same_name_is_counted(started):
+    one = started("r")
+    two = started("r", one)
+    posts = [Post("r", peers, PeerPolicy()) for peers in (one, two)]
+
+    def noticed():
+        for post in posts:
+            post.beat()
+            post.serve()
+        return all(post.dropped["of another robot of this name"] for post in posts)
+
+    until(noticed)
+    for post in posts:
+        assert set(post.dropped) == {"of another robot of this name"}
+        assert post.live() == []
 
 
 @pytest.mark.parametrize(

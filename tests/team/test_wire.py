@@ -21,7 +21,7 @@ from mcloc.particles import Particles
 from mcloc.statespace import LINE, PLANE, SE2
 from mcloc.team import letters, wire
 from mcloc.team.compression import compressed
-from mcloc.team.letters import Farewell, Heard, Heartbeat, Notice, Refusal, Reply, Sent
+from mcloc.team.letters import Common, Farewell, Heard, Heartbeat, Notice, Refusal, Reply, Sent
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
 from mcloc.team.wire import decoded, encoded
 
@@ -29,7 +29,7 @@ SENT = Sent("räuber-1", 7, 42, 1.7e9)
 Z = Detection(12.5, "r2", 3.25, -0.4, mount=np.array([0.25, 0.0, 0.5]))
 NOTICE = Notice(Z, -math.inf, 1.5, place(200))
 REPLY = Reply("r2", 2**64 - 1, 2**64 - 1, 12.5, 2.5, ring(200))
-BEAT = Heartbeat(12.0, 13.0, (Heard("r2", 3, 5.0, 0.25, 9), Heard("r3", 4, 6.0, 0.5, 0)))
+BEAT = Heartbeat(12.0, 13.0, (Heard("r2", 3, 5.0, 0.25, 9), Heard("r3", 4, 6.0, 0.5, 0)), Common(7))
 REFUSAL = Refusal("r2", 3, 4, 12.5, "late")
 SAYINGS = [BEAT, Heartbeat(12.0, float("inf")), Farewell(), NOTICE, REPLY, REFUSAL]
 MESSAGES = [encoded(SENT, said) for said in SAYINGS]
@@ -78,6 +78,14 @@ def test_a_notice_and_a_reply_come_back_with_their_trees():
     assert (reply.seer, reply.session, reply.number) == ("r2", *2 * (2**64 - 1,))
     assert (reply.t, reply.moved) == (12.5, 2.5)
     same_tree(REPLY.tree, reply.tree)
+
+
+@pytest.mark.parametrize("turns", [-1, 1, 5])
+def test_angles_of_another_convention_come_back_wrapped(turns):
+    more = 2.0 * np.pi * turns
+    _, told = decoded(encoded(SENT, notice(bearing=-0.4 + more, heading=3.0 + more)))
+    assert told.z.bearing == pytest.approx(-0.4)
+    assert told.z.heading == pytest.approx(3.0)
 
 
 def test_a_tree_comes_back(tree):
@@ -143,13 +151,26 @@ def deep(data):
     data += bytes([0, wire_leaf] * (n - 1) + [wire_leaf]) + np.full(n, 1 / n, "<f4").tobytes()
 
 
+def with_bearing(bearing):
+    """As no robot sends it."""
+    data = bytearray(MESSAGES[3])
+    at = data.index(struct.pack("<d", Z.bearing))
+    struct.pack_into("<d", data, at, bearing)
+    return sealed(bytes(data))
+
+
 wire_leaf = 255
+
+
+def heartbeat(position, until):
+    return encoded(SENT, Heartbeat(position, until))
+
 
 WRONG = {
     "too short": MESSAGES[0][:13],
     "too long": MESSAGES[0] + bytes(5000),
     "no message of mcloc": b"HTTP" + MESSAGES[0][4:],
-    "of another version": sealed(MESSAGES[0][:4] + b"\x02" + MESSAGES[0][5:]),
+    "of another version": sealed(MESSAGES[0][:4] + b"\x01" + MESSAGES[0][5:]),
     "of another length than it says": MESSAGES[0][:-1],
     "of an unknown kind": sealed(MESSAGES[0][:5] + b"\x09" + MESSAGES[0][6:]),
     "damaged": MESSAGES[0][:-1] + bytes([MESSAGES[0][-1] ^ 1]),
@@ -159,9 +180,9 @@ WRONG = {
     "name that is not UTF-8": with_name(b"\xff\xfe"),
     "name with characters that it may not have": with_name(b"a/**"),
     "stamp that cannot be": encoded(Sent("r1", 1, 1, float("nan")), Farewell()),
-    "too many peers": sealed(MESSAGES[0][: FRAME + 50] + b"\xff" + MESSAGES[0][FRAME + 51 :]),
+    "too many peers": sealed(MESSAGES[0][: FRAME + 74] + b"\xff" + MESSAGES[0][FRAME + 75 :]),
     "range that cannot be": encoded(SENT, notice(range=-1.0)),
-    "angle that cannot be": encoded(SENT, notice(bearing=4.0)),
+    "angle that cannot be": with_bearing(4.0),
     "tree of the wrong length": with_tree(cut),
     "tree of another space": with_tree(put(0, "<B", 3)),
     "tree of too many leaves, or none": with_tree(put(1, "<H", 65535)),
@@ -176,6 +197,21 @@ WRONG = {
     "axis that is none": with_tree(put(43, "<B", 2)),
     "tree that is not whole": with_tree(put(43, "<B", wire_leaf)),
 }
+
+
+@pytest.mark.parametrize(
+    ("position", "until"),
+    [(math.inf, math.inf), (math.nan, 0.0), (1e300, 0.0), (-1e300, 0.0), (0.0, 1e300)],
+)
+def test_a_time_that_no_robot_can_be_at_is_refused(position, until):
+    assert refusal(heartbeat(position, until)) == "stamp that cannot be"
+
+
+@pytest.mark.parametrize("until", [-math.inf, math.nan, math.inf, 5.0])
+def test_where_a_robot_is_before_its_first_event_comes_back(until):
+    _, told = decoded(heartbeat(-math.inf, until))
+    assert told.position == -math.inf
+    assert repr(told.until) == repr(until)
 
 
 @pytest.mark.parametrize("why", WRONG)
@@ -231,7 +267,7 @@ def test_random_bytes_are_refused(data):
 
 @given(st.binary(max_size=400), st.integers(1, 5))
 def test_random_bytes_that_look_right_from_outside_are_judged(data, kind):
-    refusal(sealed(b"mcTM" + bytes([1, kind]) + bytes(8) + data))
+    refusal(sealed(b"mcTM" + bytes([wire.VERSION, kind]) + bytes(8) + data))
 
 
 @given(st.sampled_from(range(len(MESSAGES))).map(MESSAGES.__getitem__), st.data())

@@ -59,7 +59,9 @@ def _team(team: dict[str, Any]) -> Iterator[str]:
         ahead = _number(peer["clock_ahead_s"], "+.3f")
         again = "" if peer["starts"] == 1 else f", started {peer['starts']} times"
         held = "" if not peer["not_awaited"] else ", did not go on and was not waited for"
-        yield f"peer       {name}: its clock is {ahead} s ahead{again}{held}"
+        far = ", said to be beyond this log's end" if peer["beyond_the_log"] else ""
+        other = "".join(f", with another {what}" for what in peer["differing"])
+        yield f"peer       {name}: its clock is {ahead} s ahead{again}{held}{far}{other}"
     if team["events_before"]:
         yield (
             f"joined     the others' time: {team['events_before']} events before it are left out, "

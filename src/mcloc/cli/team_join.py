@@ -114,6 +114,7 @@ def join(
         int | None,
         _Option(
             metavar="N",
+            min=0,
             help="Begin once N others are there, or peers.patience is over. Without it 1 where "
             "--connect or --search is given, else 0.",
         ),
@@ -211,7 +212,7 @@ def join(
             as_told = Joined(name, awaited, detections, landmarks, told_start, of_member)
             carrier = _connected(name, team, listen or [], connect or [], search)
             stack.callback(carrier.close)
-            return JoinedRun(run, as_told, carrier)
+            return JoinedRun(run, as_told, carrier, lambda said: typer.echo(said, err=True))
 
         of_run = {part: of for part, of in assigned.items() if part not in _of_member()}
         execute(

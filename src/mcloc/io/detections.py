@@ -10,10 +10,12 @@ the left; either column may be left out, and a field that is empty was not measu
 
 import math
 from collections.abc import Iterable, Iterator
+from itertools import chain, islice, tee
 from pathlib import Path
 
 from mcloc.errors import LogError
 from mcloc.events import Detection, Event
+from mcloc.localizer.leap_guard import believed
 from mcloc.textfile import TextFile
 
 NEEDED = "t", "seen", "range"
@@ -40,12 +42,14 @@ def read_detections(path: str | Path) -> list[Detection]:
 
 def among(events: Iterable[Event], detections: Iterable[Detection]) -> Iterator[Event | Detection]:
     """The events of a log with the detections in their places: before the first event that is not
-    earlier.
+    earlier. One wrong stamp in the log does not bring them before their time.
     """
     following = iter(detections)
     z = next(following, None)
-    for event in events:
-        while z is not None and z.t <= event.t:
+    events, later = tee(events)
+    stamps = chain((event.t for event in islice(later, 1, None)), [math.inf])
+    for event, after in zip(events, stamps, strict=True):
+        while z is not None and z.t <= believed(event.t, after):
             yield z
             z = next(following, None)
         yield event

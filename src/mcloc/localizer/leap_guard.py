@@ -13,6 +13,11 @@ CONVINCED = 3  # events in a row: then the clock has been set back
 E = TypeVar("E", bound=Odometry | Measurement)
 
 
+def believed(t: float, following: float) -> float:
+    """s: the stamp of an event, or where it leaps ahead of that of the one after it, that one's."""
+    return following if t - following > LEAP else t
+
+
 @dataclass(frozen=True, slots=True)
 class Passed(Generic[E]):
     """The events that may pass now, in the order in which they came; the one that proved wrong;

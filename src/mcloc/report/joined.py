@@ -1,7 +1,7 @@
 """A robot of a team, in a process of its own: its log beside those of others."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from mcloc.team.member import Member
 from mcloc.team.outbox import Carrier
 from mcloc.team.peer_policy import PeerPolicy
 from mcloc.team.post import Post
+from mcloc.team.remarks import silent
 from mcloc.team.team import PATIENCE
 
 OF_MEMBER: Mapping[str, type[Configurable]] = {**OF_TEAM, "peers": PeerPolicy}
@@ -49,13 +50,29 @@ class Joined:
     settings: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _TeamLog:
+    """Events that can be gone through again."""
+
+    events: Callable[[], Iterator[Event | Detection]]
+
+    def __iter__(self) -> Iterator[Event | Detection]:
+        return self.events()
+
+
 class JoinedRun(Run):
     """One run of a robot that joins a team, whose messages `carrier` carries; else as any Run.
 
-    member, joining: its part in the team.
+    member, joining: its part in the team. say: is told in words what somebody should know.
     """
 
-    def __init__(self, config: RunConfig, joined: Joined, carrier: Carrier) -> None:
+    def __init__(
+        self,
+        config: RunConfig,
+        joined: Joined,
+        carrier: Carrier,
+        say: Callable[[str], None] = silent,
+    ) -> None:
         self.joined = joined
         super().__init__(_started(config, joined))
         usual = usual_detection(self.config) if is_mrclam(config.log) else {}
@@ -67,10 +84,10 @@ class JoinedRun(Run):
                 "that they see, not of those that they do not; leave it 0"
             )
         policy, peers = (made(part, OF_MEMBER[part], of) for part in ("team", "peers"))
-        ahead = LookAhead(self._team_events())
+        ahead = LookAhead(_TeamLog(self._team_events))
         post = Post(joined.name, carrier, peers)
         self.member = Member(self.localizer, post, model, policy, ahead.pop_wheels)
-        self.joining = Joining(self.member, ahead)
+        self.joining = Joining(self.member, ahead, say)
 
     def by_event(self) -> Iterator[list[Estimate]]:
         """The estimates that each event makes possible, and what others told by then."""
@@ -108,6 +125,8 @@ class JoinedRun(Run):
                         "starts": peer.sessions,
                         "clock_ahead_s": peer.offset.middle,
                         "not_awaited": self.joining.not_awaited[peer.name],
+                        "differing": post.inbox.differing(peer),
+                        "beyond_the_log": bool(self.joining.beyond[peer.name]),
                     }
                     for peer in post.inbox.peers.values()
                 },

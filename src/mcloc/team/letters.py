@@ -1,6 +1,6 @@
 """What robots of a team tell each other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from mcloc.density_tree import DensityTree
 from mcloc.errors import MessageError
@@ -40,15 +40,33 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
+class Common:
+    """Fingerprints of what robots of a team should have in common, 0 for what one has not:
+    detection, of the model of how they see each other; map and landmarks, of those it uses.
+    """
+
+    detection: int = 0
+    map: int = 0
+    landmarks: int = 0
+
+    def differing(self, other: "Common") -> list[str]:
+        """What both have, and not the same."""
+        both = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        return [name for name, (a, b) in both.items() if a and b and a != b]
+
+
+@dataclass(frozen=True, slots=True)
 class Heartbeat:
     """A robot is there. position: s, the last stamp that it has processed, −inf before the first.
     until: s, the stamp before which it will not tell of another sighting; NaN while it still waits
-    for others. heard: of whom it hears, for them to compare clocks by.
+    for others. heard: of whom it hears, for them to compare clocks by. common: what it should have
+    in common with others.
     """
 
     position: float
     until: float
     heard: tuple[Heard, ...] = ()
+    common: Common = Common()
 
 
 @dataclass(frozen=True, slots=True)

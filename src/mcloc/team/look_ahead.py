@@ -5,8 +5,10 @@ stamp it will not see another one, and where its wheels will be.
 import math
 from collections import deque
 from collections.abc import Iterable
+from itertools import islice
 
 from mcloc.events import Detection, Event, Odometry
+from mcloc.localizer.leap_guard import believed
 
 HORIZON = 10.0  # s
 MOST_READ = 20_000  # events at once: stamps may stand still
@@ -17,8 +19,13 @@ class LookAhead:
     as far as the log is in order; ∞ when none will.
     """
 
-    def __init__(self, events: Iterable[Event | Detection]) -> None:
-        self._events = iter(events)
+    def __init__(self, log: Iterable[Event | Detection]) -> None:
+        self._log = log
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Begin anew, where the log can be gone through again."""
+        self._events = iter(self._log)
         self._held: deque[Event | Detection] = deque()
         self._ended = False
         self._stamps = deque([-math.inf, -math.inf], maxlen=2)
@@ -29,6 +36,14 @@ class LookAhead:
     def next(self) -> Event | Detection | None:
         """The event whose turn it is; None at the end."""
         return self._held[0] if self._held else None
+
+    @property
+    def stamp(self) -> float:
+        """s: when the next event was, by its stamp, or by that of the one after it where its own
+        cannot be; NaN where nothing tells.
+        """
+        stamps = list(islice((e.t for e in self._held if math.isfinite(e.t)), 2))
+        return believed(stamps[0], stamps[-1]) if stamps else math.nan
 
     def pop(self) -> Event | Detection:
         """The next event, which is then done with."""

@@ -19,6 +19,7 @@ from mcloc.density_tree import DensityTree
 from mcloc.events import Detection, Event, Odometry
 from mcloc.geometry import Pose
 from mcloc.localizer import Estimate, Localizer
+from mcloc.team.common import common_of
 from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.inbox import Peer
 from mcloc.team.letters import WHY, Notice, Refusal, Reply
@@ -56,6 +57,7 @@ class Member:
     ) -> None:
         self.localizer, self.post, self._more_wheels = localizer, post, more_wheels
         self.model, self.policy = model or DetectionModel(), policy or TeamPolicy()
+        post.inbox.common = common_of(localizer, self.model)
         self.used = 0
         self.ignored: Counter[str] = Counter()
         self.found: list[Estimate] = []
@@ -73,7 +75,7 @@ class Member:
             return
         self._note(self.localizer.process(event))
         if isinstance(event, Odometry):
-            self._follow(event.t - PATIENCE)
+            self._follow(self.localizer.wheels_until - PATIENCE)
 
     def taken(self) -> tuple[list[Estimate], list[tuple[float, Pose]]]:
         """What was found and withheld since this was last asked."""
@@ -181,7 +183,9 @@ class Member:
         """Why a robot cannot be told of it, or nothing."""
         if peer is None or self.post.inbox.gone(peer, self.post.now()):
             return "of a robot that is not heard"
-        return "" if self.post.inbox.trusted(peer) else "of a robot whose clock is not trusted"
+        if not self.post.inbox.trusted(peer):
+            return "of a robot whose clock is not trusted"
+        return self.post.inbox.barred(peer)
 
     def _at(self, t: float) -> Pose | None:
         """The wheels' pose at t, once what was measured up to then is processed."""

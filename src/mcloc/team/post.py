@@ -59,7 +59,7 @@ class Post:
         """Say that the robot is there, and where in time; from any thread."""
         with self._lock:
             heard = self.inbox.heard(self.now(), self._outbox.told)
-        self._outbox.to_all(Heartbeat(self.position, self.until, heard))
+        self._outbox.to_all(Heartbeat(self.position, self.until, heard, self.inbox.common))
 
     def leave(self) -> None:
         """Say farewell."""

@@ -13,7 +13,7 @@ import math
 import struct
 import zlib
 from collections.abc import Callable
-from typing import Any
+from dataclasses import astuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from mcloc.team.letters import (
     MOST_HEARD,
     MOST_NAME,
     WHY,
+    Common,
     Farewell,
     Heard,
     Heartbeat,
@@ -37,8 +38,9 @@ from mcloc.team.letters import (
     check_name,
 )
 from mcloc.team.packed_tree import MOST_LEAVES, most_bytes, packed, unpacked
+from mcloc.team.reader import Reader
 
-VERSION = 1
+VERSION = 2
 MAGIC = b"mcTM"
 
 _FRAME = struct.Struct("<4sBBII")
@@ -46,7 +48,7 @@ _SENT = struct.Struct("<QQd")
 _HEARD = struct.Struct("<QddQ")
 _SEEN = struct.Struct("<d3d3d2d")
 _ANSWER = struct.Struct("<QQd")
-_BEAT = struct.Struct("<ddB")
+_BEAT = struct.Struct("<dd3QB")
 _MOVED = struct.Struct("<d")
 _WHY = struct.Struct("<B")
 _LATEST = 1e12  # s, stamps and clocks
@@ -77,12 +79,13 @@ def encoded(sent: Sent, said: Said) -> bytes:
     """The message, at most MOST_BYTES long."""
     body = _name(sent.sender) + _SENT.pack(sent.session, sent.number, sent.clock)
     match said:
-        case Heartbeat(position, until, heard):
-            body += _BEAT.pack(position, until, len(heard))
+        case Heartbeat(position, until, heard, common):
+            body += _BEAT.pack(position, until, *astuple(common), len(heard))
             for h in heard:
                 body += _name(h.peer) + _HEARD.pack(h.session, h.clock, h.since, h.told)
         case Notice(z, last, moved, tree):
-            measured = z.t, z.range, z.bearing, z.heading, *z.mount, last, moved
+            bearing, heading = (math.remainder(a, math.tau) for a in (z.bearing, z.heading))
+            measured = z.t, z.range, bearing, heading, *z.mount, last, moved
             body += _name(z.seen) + _SEEN.pack(*measured) + _packed(tree)
         case Reply():
             body += _name(said.seer) + _ANSWER.pack(said.session, said.number, said.t)
@@ -94,9 +97,26 @@ def encoded(sent: Sent, said: Said) -> bytes:
     return _FRAME.pack(MAGIC, VERSION, code, _FRAME.size + len(body), _checksum(code, body)) + body
 
 
-def decoded(data: bytes) -> tuple[Sent, Said]:
-    """What the bytes say. Raises MessageError, and nothing else, for what is no message: the few
-    words of it name why.
+class Envelope:
+    """A message whose frame and checksum are right, of which no more is read than who sent it.
+    kind: of what it says.
+    """
+
+    def __init__(self, kind: type[Said], read: Reader) -> None:
+        self.kind, self._read = kind, read
+        self.sent = Sent(read.name(), *read.values(_SENT))
+        _check_times(self.sent.clock)
+
+    def said(self) -> Said:
+        """What it says, to be asked for once; a tree takes a millisecond. Raises MessageError."""
+        said = _SAYING[self.kind](self._read)
+        self._read.end()
+        return said
+
+
+def opened(data: bytes) -> Envelope:
+    """The message that the bytes are. Raises MessageError, and nothing else, for what is none: the
+    few words of it name why.
     """
     if len(data) > MOST_BYTES:
         raise MessageError("too long")
@@ -113,12 +133,13 @@ def decoded(data: bytes) -> tuple[Sent, Said]:
         raise MessageError("of an unknown kind")
     if checksum != _checksum(code, data[_FRAME.size :]):
         raise MessageError("damaged")
-    read = _Reader(data, _FRAME.size)
-    sent = Sent(read.name(), *read.values(_SENT))
-    _check_times(sent.clock)
-    said = _SAYING[_KINDS[code]](read)
-    read.end()
-    return sent, said
+    return Envelope(_KINDS[code], Reader(data, _FRAME.size))
+
+
+def decoded(data: bytes) -> tuple[Sent, Said]:
+    """Who sent the bytes, and what they say. Raises MessageError as above."""
+    envelope = opened(data)
+    return envelope.sent, envelope.said()
 
 
 def _packed(tree: DensityTree | None) -> bytes:
@@ -138,63 +159,28 @@ def _checksum(code: int, body: bytes) -> int:
     return zlib.crc32(body, zlib.crc32(bytes([VERSION, code])))
 
 
-class _Reader:
-    """The rest of a message."""
-
-    def __init__(self, data: bytes, at: int) -> None:
-        self._data, self._at = data, at
-
-    def values(self, of: struct.Struct) -> tuple[Any, ...]:
-        self._need(of.size)
-        found = of.unpack_from(self._data, self._at)
-        self._at += of.size
-        return found
-
-    def name(self) -> str:
-        self._need(1)
-        n = self._data[self._at]
-        self._at += 1
-        self._need(n)
-        text = self._data[self._at : self._at + n]
-        self._at += n
-        try:
-            return check_name(text.decode())
-        except UnicodeDecodeError as cause:
-            raise MessageError("name that is not UTF-8") from cause
-
-    def rest(self) -> bytes:
-        data, self._at = self._data[self._at :], len(self._data)
-        return data
-
-    def end(self) -> None:
-        if self._at != len(self._data):
-            raise MessageError("with more in it than belongs there")
-
-    def _need(self, n: int) -> None:
-        if self._at + n > len(self._data):
-            raise MessageError("with less in it than belongs there")
-
-
 def _check_times(*times: float) -> None:
     if not all(abs(t) < _LATEST for t in times):  # NaN is not
         raise MessageError("stamp that cannot be")
 
 
-def _heartbeat(read: _Reader) -> Heartbeat:
-    position, until, n = read.values(_BEAT)
+def _heartbeat(read: Reader) -> Heartbeat:
+    position, until, *common, n = read.values(_BEAT)
     if n > MOST_HEARD:
         raise MessageError("too many peers")
-    if math.isnan(position):
-        raise MessageError("stamp that cannot be")
+    if position != -math.inf:
+        _check_times(position)
+    if math.isfinite(until):
+        _check_times(until)
     heard = []
     for _ in range(n):
         peer, (session, clock, since, told) = read.name(), read.values(_HEARD)
         _check_times(clock, since)
         heard.append(Heard(peer, session, clock, since, told))
-    return Heartbeat(position, until, tuple(heard))
+    return Heartbeat(position, until, tuple(heard), Common(*common))
 
 
-def _notice(read: _Reader) -> Notice:
+def _notice(read: Reader) -> Notice:
     seen, (t, distance, bearing, heading, *mount, last, moved) = read.name(), read.values(_SEEN)
     _check_times(t)
     if not 0.0 < distance < FAR:
@@ -209,12 +195,12 @@ def _notice(read: _Reader) -> Notice:
     return Notice(z, last, _distance(moved), _unpacked(read.rest()))
 
 
-def _reply(read: _Reader) -> Reply:
+def _reply(read: Reader) -> Reply:
     answer, (moved,) = _answer(read), read.values(_MOVED)
     return Reply(*answer, _distance(moved), _unpacked(read.rest()))
 
 
-def _refusal(read: _Reader) -> Refusal:
+def _refusal(read: Reader) -> Refusal:
     answer, (why,) = _answer(read), read.values(_WHY)
     if why >= len(WHY):
         raise MessageError("refused for no known reason")
@@ -227,17 +213,17 @@ def _distance(moved: float) -> float:
     return moved
 
 
-def _answer(read: _Reader) -> tuple[str, int, int, float]:
+def _answer(read: Reader) -> tuple[str, int, int, float]:
     seer, (session, number, t) = read.name(), read.values(_ANSWER)
     _check_times(t)
     return seer, session, number, t
 
 
-def _farewell(_: _Reader) -> Farewell:
+def _farewell(_: Reader) -> Farewell:
     return Farewell()
 
 
-_SAYING: dict[type[Said], Callable[[_Reader], Said]] = {
+_SAYING: dict[type[Said], Callable[[Reader], Said]] = {
     Heartbeat: _heartbeat,
     Farewell: _farewell,
     Notice: _notice,
