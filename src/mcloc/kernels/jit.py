@@ -56,7 +56,7 @@ beams of one particle, which is the same loop whichever particles are done with 
 field).
 """
 
-SERIAL_BELOW = 200_000
+SERIAL_BELOW = 500_000
 """Nanoseconds of work under which starting threads costs more than it saves, measured."""
 
 
@@ -93,12 +93,19 @@ def share(run: Callable[[int, int], Any], n: int, work: float) -> None:
         run(0, n)
         return
     if _pool is None:
-        _pool = ThreadPoolExecutor(_threads, thread_name_prefix="mcloc")
-    edges = [n * k // _threads for k in range(_threads + 1)]
-    for done in [_pool.submit(_within, run, a, b) for a, b in itertools.pairwise(edges)]:
-        done.result()
+        _pool = ThreadPoolExecutor(_threads - 1, thread_name_prefix="mcloc")
+    first, *others = itertools.pairwise([n * k // _threads for k in range(_threads + 1)])
+    shared = [_pool.submit(_within, run, *part) for part in others]
+    try:
+        _within(run, *first)  # to wake a thread costs more than to go on in this one
+    finally:
+        for done in shared:
+            done.result()
 
 
 def _within(run: Callable[[int, int], Any], start: int, stop: int) -> None:
     _inside.share = True
-    run(start, stop)
+    try:
+        run(start, stop)
+    finally:
+        _inside.share = False
