@@ -1,5 +1,5 @@
 """What robots gain that see each other: UTIAS MRCLAM 6, with landmarks for one robot only and for
-all of them; and what a detection costs.
+all of them.
 
     python benchmarks/team.py DATA [--seeds 10] [--jobs 2] [--out docs/results/team.md]
 
@@ -8,8 +8,6 @@ DATA: the folder that has mrclam6.
 
 import argparse
 import os
-import statistics
-import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -20,23 +18,15 @@ import numpy as np
 from mcloc import __version__
 from mcloc.evaluation.errors import pose_errors
 from mcloc.evaluation.intervals import Interval, paired_difference
-from mcloc.events import Detection, Odometry, Scan
-from mcloc.filters.catalog import Composition
+from mcloc.events import Detection
 from mcloc.io.mrclam import robots_in
 from mcloc.kernels.jit import set_threads
-from mcloc.localizer import Localizer, UpdatePolicy
-from mcloc.maps.occupancy import FREE, OccupancyGrid
-from mcloc.maps.teammates import Teammates
 from mcloc.report.team import TeamConfig
 from mcloc.report.team_run import TeamRun
-from mcloc.simulation import Scenario, Spotter, office_world, simulate_team
-from mcloc.team.policy import TeamPolicy
-from mcloc.team.team import Team
 
 NEAR = 0.5  # m
 SOON = 10.0  # s after a detection
 MARGIN = 0.02  # m that a robot may be worse than alone where all see landmarks
-MOST_MS = 5.0  # that a detection may take
 ONE, ALL = "landmarks for robot 1, told start", "landmarks for all, from anywhere"
 WAYS: dict[str, tuple[tuple[int, ...] | None, bool]] = {ONE: ((1,), True), ALL: (None, False)}
 
@@ -115,7 +105,7 @@ def main() -> None:
     }
     with ProcessPoolExecutor(arguments.jobs) as pool:
         done = dict(zip(jobs, pool.map(Job.__call__, jobs.values()), strict=True))
-    text = "\n".join([*_lines(done, robots_in(folder), arguments.seeds), *_costs(), ""])
+    text = "\n".join([*_lines(done, robots_in(folder), arguments.seeds), ""])
     arguments.out.write_text(text, encoding="utf-8")
 
 
@@ -218,61 +208,6 @@ def _verdict(
         f"No robot is worse than alone by more than {MARGIN:g} m: "
         f"**{'yes' if worst <= MARGIN else 'no'}** (the largest upper end is {worst:+.3f} m)."
     )
-
-
-def _costs() -> Iterator[str]:
-    yield "## What it costs\n"
-    ms = _detection_ms()
-    yield (
-        f"A detection between two robots with 5,000 particles each, both messages made and taken "
-        f"in: median {ms:.1f} ms ({MOST_MS:g} ms may be taken). Ten simulated robots with lasers "
-        f"at 5 Hz, wheels at 10 Hz and looks for each other at 10 Hz, all in one process, after "
-        f"they have found themselves: {_real_time():.1f} × real time."
-    )
-
-
-def _detection_ms(n: int = 200) -> float:
-    floor = OccupancyGrid(np.full((160, 160), FREE, dtype=np.int8), 0.1, np.zeros(3))
-    composed = Composition("mcl", size="fixed", settings={"size": {"particles": 5000}})
-    robots = {
-        name: Localizer(
-            floor,
-            composed,
-            aids=(Teammates(),),
-            seed=k,
-            initial=(7.0 + k, 7.5, 0.0),
-            policy=UpdatePolicy(coast=1000.0),
-        )
-        for k, name in enumerate("ab")
-    }
-    team, took = Team(robots, policy=TeamPolicy(window=0.0)), []
-    for k in range(n):
-        for name in "ab":
-            team.process(name, Odometry(float(k), np.array([0.01 * (k % 20), 0.0, 0.0])))
-        began = time.perf_counter()
-        team.process("a", Detection(float(k), "b", 1.1, 0.4))
-        took.append(time.perf_counter() - began)
-    assert team.used == n
-    return 1e3 * statistics.median(took)
-
-
-def _real_time() -> float:
-    world = office_world(1)
-    drive = simulate_team(world, 1, 10, Scenario(length=20.0), Spotter(period=0.1))
-    robots = {
-        name: Localizer(
-            world, "mixture", aids=(Teammates(),), seed=int(name), initial=path.poses[0]
-        )
-        for name, path in drive.truth.items()
-    }
-    team, end = Team(robots), drive.truth["1"].t[-1]
-    events, began = drive.merged(), None
-    for name, event in events:
-        if began is None and event.t > 5.0 and isinstance(event, Scan):
-            began, since = time.perf_counter(), event.t
-        team.process(name, event)
-    assert began is not None
-    return float((end - since) / (time.perf_counter() - began))
 
 
 if __name__ == "__main__":
