@@ -22,11 +22,8 @@ from mcloc.team.detection import DetectionModel, message, to_seen, to_seer
 from mcloc.team.policy import TeamPolicy, Used, farther
 from mcloc.team.unseen import Unseen
 
-SEEN, SEER, UNSEEN = (
-    4 << 16,
-    5 << 16,
-    6 << 16,
-)  # parts of the random numbers, for the beliefs that are pushed
+SEEN, SEER, UNSEEN = 4 << 16, 5 << 16, 6 << 16
+"""Parts of the random numbers, for the beliefs that are pushed."""
 PATIENCE = 1.0  # s that a detection waits for the wheels of both robots
 LOOKS = 0.2  # s between two looks whether the wheels have moved far
 
